@@ -1,0 +1,47 @@
+"""The one way to compile a kernel: ``from evergym.jit import njit`` instead of numba's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar, overload
+
+import numba
+
+from evergym.cache import find_kernel_folder
+
+__all__ = ["njit"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@overload
+def njit(function: Callable[P, R], /) -> Callable[P, R]: ...
+@overload
+def njit(**options: Any) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+def njit(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+    """Compile a function with numba, cached on disk until it or anything it imports from evergym changes.
+
+    Division by zero gives inf or NaN as in numpy (``error_model="numpy"``: no hidden branch at every division;
+    divergence leaves a kernel as a status code). ``fastmath`` stays off, since it deletes NaN checks.
+
+    Args:
+        function: The kernel, when used as ``@njit`` without brackets.
+        options: Passed to ``numba.njit``, such as ``inline="always"``.
+    """
+    if function is None:
+        return lambda kernel: _compile(kernel, options)
+    return _compile(function, options)
+
+
+def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    folder = find_kernel_folder(function.__code__.co_filename)
+    settings = {"error_model": "numpy", "cache": folder is not None, **options}
+    # numba fixes a function's cache folder when it is decorated. Setting it for that moment only leaves the caches of
+    # other packages, and the environment of child processes, alone.
+    previous = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder) if folder is not None else previous
+    try:
+        return numba.njit(**settings)(function)
+    finally:
+        numba.config.CACHE_DIR = previous
