@@ -39,9 +39,10 @@ def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     settings = {"error_model": "numpy", "cache": folder is not None, **options}
     # numba fixes a function's cache folder when it is decorated. Setting it for that moment only leaves the caches of
     # other packages, and the environment of child processes, alone.
-    previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder) if folder is not None else previous
+    config: Any = numba.config
+    previous = config.CACHE_DIR
+    config.CACHE_DIR = str(folder) if folder is not None else previous
     try:
         return numba.njit(**settings)(function)
     finally:
-        numba.config.CACHE_DIR = previous
+        config.CACHE_DIR = previous
