@@ -228,7 +228,7 @@ class PegField:
         return best, float(total[best])
 
     def distance(self, point: ArrayLike) -> float:
-        """Compute the distance [m] from a point to the nearest peg's surface, negative inside; infinity without pegs."""
+        """Compute the distance [m] from a point to the nearest peg, negative inside it; infinity without pegs."""
         where = np.asarray(point, dtype=np.float64)
         gap = np.hypot(self.pegs[:, 0] - where[0], self.pegs[:, 2] - where[2]) - self.pegs[:, 6]
         return float(gap.min()) if len(gap) else math.inf
