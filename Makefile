@@ -1,0 +1,45 @@
+# Two targets matter: `make demo` and `make test`. Both set up .venv first, with the versions of constraints.txt.
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+WORKERS ?= 2
+VENV := .venv
+RUN := $(VENV)/bin
+STAMP := $(VENV)/.evergym-setup
+TORCH := $(shell grep -E '^torch==' constraints.txt)
+
+.PHONY: help setup test lint demo clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "make %-8s %s\n", $$1, $$2}'
+
+setup: $(STAMP)  ## create .venv with pinned versions (once; again when pyproject.toml or constraints.txt change)
+
+$(STAMP): pyproject.toml constraints.txt
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "evergym needs Python 3.11 or later; $(PYTHON) is older. Name another: make setup PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@test -x $(RUN)/python || { echo "Creating $(VENV)"; "$(PYTHON)" -m venv $(VENV); }
+	@echo "Installing $(TORCH) (the largest download), then the rest"
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check "$(TORCH)"
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt setuptools wheel
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[dev]'
+	@touch $@
+
+lint: $(STAMP)  ## ruff and mypy
+	@$(RUN)/ruff check .
+	@$(RUN)/ruff format --check .
+	@$(RUN)/mypy
+
+test: lint  ## lint, types and all tests; ends with pytest's closing line
+	@$(RUN)/python -m pytest -n $(WORKERS) --dist worksteal
+
+demo: $(STAMP)  ## train, evaluate against the duty cycle, write a report (QUICK=1: a few minutes)
+	@$(RUN)/python -m evergym.agents.demo $(if $(filter-out 0,$(QUICK)),--quick)
+
+clean:  ## remove what tests and builds leave behind (keeps .venv and runs)
+	@rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
