@@ -1,0 +1,192 @@
+"""``MammobotDuctGoal-v0`` and ``MammobotPegsGoal-v0``: the same tasks with goals as vectors, for hindsight replay."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from evergym.duct_models.centreline import Centreline, Location
+from evergym.envs.base import MammobotEnv
+from evergym.envs.duct import MammobotDuctEnv
+from evergym.envs.pegs import MammobotPegsEnv
+from evergym.errors import ConfigError, GeometryError
+from evergym.units import MM
+
+__all__ = ["GOAL_SCALE", "LUMEN_COORDINATES", "MammobotDuctGoalEnv", "MammobotPegsGoalEnv", "compute_lumen_coordinates"]
+
+GOAL_SCALE = 150.0 * MM
+"""Length that a goal shows as 1 [m]: more than the robot can grow, so nothing it reaches is clipped."""
+LUMEN_COORDINATES = 16
+"""Number of branches that a duct's goals can tell apart; the deepest family has at most 15."""
+
+_DISCOUNTED_HORIZON = 100.0
+
+
+class _GoalEnv(MammobotEnv):
+    """Turns a task into its goal-conditioned form."""
+
+    goal_size: ClassVar[int]
+
+    def __init__(
+        self,
+        *,
+        goal_reward: Literal["sparse", "dense"] = "sparse",
+        reward: Mapping[str, float] | None = None,
+        **arguments: Any,
+    ) -> None:
+        if goal_reward not in ("sparse", "dense"):
+            raise ConfigError(f"goal_reward is {goal_reward!r}; it must be 'sparse' or 'dense'.")
+        self.goal_reward = goal_reward
+        # A step costs 1, so a failure must cost more than the steps it saves: the horizon of a discount of 0.99.
+        super().__init__(reward={"failure": _DISCOUNTED_HORIZON, **(reward or {})}, **arguments)  # type: ignore[call-arg]
+        goal = spaces.Box(-1.0, 1.0, (self.goal_size,), np.float32)
+        self.observation_space = spaces.Dict(
+            {
+                "observation": self.observation_space,
+                "achieved_goal": goal,
+                "desired_goal": spaces.Box(-1.0, 1.0, (self.goal_size,), np.float32),
+            }
+        )
+
+    @abstractmethod
+    def _goals(self) -> tuple[list[float], list[float]]:
+        """Return the achieved and the desired goal [m]."""
+
+    @staticmethod
+    @abstractmethod
+    def compute_goal_error(achieved_goal: NDArray[Any], desired_goal: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the tip error [m] between goals, shape (...,) for goals of shape (..., goal_size)."""
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Return the reward of reaching ``achieved_goal`` when ``desired_goal`` was wanted.
+
+        A pure function of its arguments: it holds for transitions of any anatomy.
+
+        Args:
+            achieved_goal: One goal, shape (goal_size,), or a batch, shape (n, goal_size).
+            desired_goal: The same for the goals wanted.
+            info: The step's ``info`` or a sequence of n. Failure and wall force, which no goal changes, are read from
+                it where it has them; SB3's ``HerReplayBuffer`` passes empty ones unless ``copy_info_dict=True``.
+
+        Returns:
+            A float for one goal, an array of shape (n,) for a batch.
+        """
+        achieved = np.atleast_2d(np.asarray(achieved_goal, dtype=np.float64))
+        desired = np.atleast_2d(np.asarray(desired_goal, dtype=np.float64))
+        error = self.compute_goal_error(achieved, desired)
+        if self.goal_reward == "sparse":
+            reward = -(error > self.settings.success_distance_mm * MM).astype(np.float64)
+        else:
+            reward = -error * (self.reward_settings.progress_per_mm / MM)
+        infos = [info] if isinstance(info, Mapping) else info
+        for key in ("reward/failure", "reward/wall_force"):
+            reward = reward + np.array([entry.get(key, 0.0) for entry in infos])
+        return float(reward[0]) if np.ndim(achieved_goal) == 1 else reward
+
+    def _observe(self) -> dict[str, NDArray[np.float32]]:
+        """Return the observation of the current state with both goals."""
+        achieved, desired = self._goals()
+        return {
+            "observation": super()._observe(),
+            "achieved_goal": _scale_goal(achieved),
+            "desired_goal": _scale_goal(desired),
+        }
+
+    def _reward_terms(self, observation: Any, distance_before: float) -> dict[str, float]:
+        """Return the terms of ``compute_reward``."""
+        terms = super()._reward_terms(observation, distance_before)
+        goal = self.compute_reward(observation["achieved_goal"], observation["desired_goal"], {})
+        return {
+            "reward/goal": goal,
+            "reward/failure": terms["reward/failure"],
+            "reward/wall_force": terms["reward/wall_force"],
+        }
+
+
+class MammobotPegsGoalEnv(_GoalEnv, MammobotPegsEnv):
+    """``MammobotPegs-v0`` with goals: a goal is a tip position."""
+
+    goal_size: ClassVar[int] = 3
+
+    def _goals(self) -> tuple[list[float], list[float]]:
+        return self._reading.tip_position.tolist(), list(self._route.target)
+
+    @staticmethod
+    def compute_goal_error(achieved_goal: NDArray[Any], desired_goal: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the distance between tip positions [m]."""
+        error: NDArray[np.float64] = np.linalg.norm(achieved_goal - desired_goal, axis=-1) * GOAL_SCALE
+        return error
+
+
+class MammobotDuctGoalEnv(_GoalEnv, MammobotDuctEnv):
+    """``MammobotDuct-v0`` with goals: a goal is a place in the lumen."""
+
+    goal_size: ClassVar[int] = 4 + LUMEN_COORDINATES
+
+    def _goals(self) -> tuple[list[float], list[float]]:
+        route: Any = self._route
+        location: Location = route.location
+        achieved = [*self._reading.tip_position.tolist(), location.offset, *self._lumen_coordinates(location)]
+        desired = [*route.target, 0.0, *self._lumen_coordinates(route.target_location)]
+        return achieved, desired
+
+    def _lumen_coordinates(self, location: Location) -> list[float]:
+        centreline = self.duct.centreline
+        if centreline is not getattr(self, "_tree_of", None):
+            self._tree = _measure_tree(centreline, self.duct.name)
+            self._tree_of = centreline
+        return compute_lumen_coordinates(self._tree, location)
+
+    @staticmethod
+    def compute_goal_error(achieved_goal: NDArray[Any], desired_goal: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the tip error [m]: the way between the goals along the lumen and the part across it."""
+        gap = np.abs(achieved_goal[..., 3:] - desired_goal[..., 3:])
+        error: NDArray[np.float64] = np.hypot(gap[..., 1:].sum(axis=-1), gap[..., 0]) * GOAL_SCALE
+        return error
+
+
+Tree = dict[int, tuple[int, float, list[float]]]
+
+
+def compute_lumen_coordinates(tree: Tree, location: Location) -> list[float]:
+    """Return how far into each branch the way from the port to ``location`` goes [m].
+
+    The sum of the absolute differences of two such vectors, shape (``LUMEN_COORDINATES``,), is the distance along the
+    lumen, exactly: branches that both ways share cancel, all others add.
+    """
+    slot, entry, before = tree[location.branch]
+    coordinates = before.copy()
+    coordinates[slot] = max(location.station - entry, 0.0)
+    return coordinates
+
+
+def _measure_tree(centreline: Centreline, name: str) -> Tree:
+    """Return, for every branch, its coordinate, the station where it begins and the coordinates of that point."""
+    parent, branch, station = centreline.parent.tolist(), centreline.branch.tolist(), centreline.station.tolist()
+    tree: Tree = {}
+    for node, owner in enumerate(branch):
+        if owner in tree:
+            continue
+        if len(tree) == LUMEN_COORDINATES:
+            raise GeometryError(
+                f"Duct {name!r} has {len(set(branch))} branches; goals can tell {LUMEN_COORDINATES} apart. "
+                "Use MammobotDuct-v0 for it, or cut the mesh down to the part around the target."
+            )
+        before = [0.0] * LUMEN_COORDINATES
+        entry = station[max(parent[node], 0)]
+        if parent[node] >= 0:
+            slot, start, upstream = tree[branch[parent[node]]]
+            before = upstream.copy()
+            before[slot] = entry - start
+        tree[owner] = (len(tree), entry, before)
+    return tree
+
+
+def _scale_goal(goal: list[float]) -> NDArray[np.float32]:
+    """Return a goal in metres as the space holds it."""
+    return np.clip(np.array(goal) / GOAL_SCALE, -1.0, 1.0).astype(np.float32)
