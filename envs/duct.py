@@ -26,7 +26,112 @@ __all__ = ["MammobotDuctEnv"]
 
 
 class MammobotDuctEnv(MammobotEnv):
-    """Grow through a mammary duct tree until the tip is within 5 mm of a target, along the lumen."""
+    """Grow through a mammary duct tree until the tip is within 5 mm of a target, measured along the lumen.
+
+    ## Action
+
+    ``Box(-1, 1, (4,), float32)``, held for one control step. Values out of range are clipped; one that is not finite
+    raises ``ValueError``. The limits are those of the robot in the model file; in brackets: of the default model.
+
+    | index | name | -1 | 0 | 1 | limits |
+    |---|---|---|---|---|---|
+    | 0 | insertion velocity | -v | 0 | v | v = half the tail feed limit (2.9 mm/s); negative withdraws |
+    | 1 | catheter roll rate | -45 deg/s | 0 | 45 deg/s | 45 deg/s is a prior |
+    | 2 | tendon pull set point | 0 | half | all | largest pull (4.9 mm), followed at up to 2 mm/s (prior) |
+    | 3 | pressure set point | 0 | half | all | pressure limit (50 kPa gauge), followed at up to 50 kPa/s (prior) |
+
+    The tail is fed twice as fast as the catheter is inserted, so a negative insertion also retracts the tail.
+
+    ## Observation
+
+    ``Box(-1, 1, (size,), float32)``; a component is its value over its scale, clipped to -1..1. The world's origin is
+    the port, +z the direction of insertion, gravity along -y. The tip frame's axes are the tendon side (to which
+    pulling bends the tip), the binormal and the tip direction.
+
+    | index | name | scale | unit | meaning |
+    |---|---|---|---|---|
+    | 0 | `insertion_velocity` | 2.9 | mm/s | commanded insertion velocity of the catheter |
+    | 1 | `everted_length` | 100 | mm | everted length |
+    | 2 | `protrusion` | 20 | mm | inserted length of the catheter minus everted length |
+    | 3 | `slack` | 20 | mm | fed tail not yet everted |
+    | 4-5 | `roll` | 1 | - | sine and cosine of the catheter's roll at the base |
+    | 6 | `tendon_pull` | 4.9 | mm | tendon pull |
+    | 7 | `pressure` | 50 | kPa | gauge pressure in the sheath |
+    | 8 | `growth_rate` | 2.9 | mm/s | rate of the everted length |
+    | 9 | `tendon_tension` | 20 | N | tension of the tendon at the base |
+    | 10 | `tail_tension` | 1 | N | tension of the tail at the base |
+    | 11 | `buckled` | 1 | - | 1 if the sheath has buckled |
+    | 12-14 | `tip_position` | 100 | mm | tip position, world frame |
+    | 15-17 | `tip_direction` | 1 | - | direction of growth at the tip, world frame |
+    | 18-20 | `tendon_side` | 1 | - | side to which pulling bends the tip, world frame |
+    | 21-35 | `way_ahead` | 25 | mm | points of the way 3, 6, 10, 15, 20 mm ahead, tip frame |
+    | 36-40 | `width_ahead` | 10 | mm | lumen radius at these points |
+    | 41-43 | `centreline_offset` | 10 | mm | vector from the tip to the centreline, tip frame |
+    | 44-46 | `target` | 100 | mm | vector from the tip to the target, tip frame |
+    | 47 | `distance_to_go` | 100 | mm | way to go to the target |
+    | 48 | `astray` | 1 | - | 1 if the tip is in a branch off the way to the target |
+    | 49-51 | `tip_force` | 0.5 | N | contact force on the tip, tip frame |
+    | 52 | `wall_force_max` | 0.5 | N | largest wall force on one section |
+    | 53 | `wall_force_sum` | 2 | N | sum of the wall forces |
+    | 54 | `contact_count` | 20 | - | number of sections in contact |
+    | 55 | `time_left` | 1 | - | fraction of the time limit that is left |
+
+    With ``hide_map`` the map's terms are zero: `way_ahead`, `width_ahead`, `centreline_offset`, `target`,
+    `distance_to_go`, `astray`. With ``localisation_noise_mm`` the terms that need the tip pose see it with Gaussian
+    noise on the position, and on the directions as if they were found from two points 10 mm apart; reward and success
+    use the true pose.
+
+    ## Reward
+
+    The sum of ``info["reward/<term>"]``. The weights are arguments, see ``RewardSettings``.
+
+    | term | value | default |
+    |---|---|---|
+    | `progress` | weight x (way to go before - discount x way to go after), along the lumen | 0.1 per mm, discount 1 |
+    | `success` | once, on reaching the target | 5 |
+    | `failure` | once, on a burst or perforation | -5 |
+    | `wall_force` | -weight x largest wall force on one section x control step | 0.02 per N s |
+    | `time` | -weight x control step | 0.005 per s |
+
+    ## Start and end
+
+    The sheath starts straight, 10 mm everted, without pressure or pull. The duct is drawn from the first
+    ``pool_size`` of its family and the target from the duct's. Terminated: `reached` (tip error at most 5 mm),
+    `burst`, `perforated` (penetration above ``perforation_depth_mm``, a prior). Truncated: `time`, `diverged` (the
+    simulator found no solution even with an eighth of the step). ``info["end_reason"]`` has the word, and is empty
+    until the end.
+
+    The tip error is the distance in the unrolled duct, hypot(way to go along the lumen, distance from the
+    centreline), so a neighbouring branch behind a wall is as far as the way back to the bifurcation and out again.
+
+    ## Info
+
+    `is_success`, `end_reason`; `cost` = `cost_wall_force` (1 if the wall force of a section is above
+    ``wall_force_limit_n``, a prior) + `cost_burst` + `cost_buckling`; `tip_error_mm`, `distance_to_go_mm`,
+    `wall_force_n` (sum), `wall_force_max_n` (one section), `tip_force_n`, `penetration_mm`, `time_s`,
+    `everted_length_mm`, `catheter_length_mm`, `pressure_kpa`, `tendon_pull_mm`; `path_ratio` = (way of the tip so far
+    + way to go) / way to go at the start; `anatomy`, `anatomy_family`, `anatomy_index`, `target_index`;
+    `reward/<term>`.
+
+    ## Arguments of ``gymnasium.make``
+
+    - ``family`` ("train"), ``pool_size`` (64): family of ducts, and how many of its indices episodes are drawn from.
+    - ``reward`` (None): weights by name, such as ``{"success": 10.0}``.
+    - ``render_mode`` (None): or "rgb_array".
+    - the fields of ``EpisodeSettings``: ``model``, ``control_step_s`` (0.25), ``time_limit_s`` (300),
+      ``everted_length_mm`` (10), ``localisation_noise_mm`` (0), ``hide_map`` (False), ``model_randomisation`` (0; 1
+      draws each model parameter from its uncertainty at every reset), ``success_distance_mm`` (5),
+      ``wall_force_limit_n``, ``perforation_depth_mm``.
+
+    ## Options of ``reset``
+
+    ``family``, ``index``, ``target`` (number of the duct's target), ``everted_length_mm``; or ``duct``: a ``Duct`` or
+    the path of a mesh in millimetres instead of family and index. Unknown keys raise ``ConfigError``.
+
+    ## Versions
+
+    - v0: first version.
+    """
 
     terms: ClassVar[tuple[ObservationTerm, ...]] = DUCT_TERMS
     option_names: ClassVar[tuple[str, ...]] = ("duct", "everted_length_mm", "family", "index", "target")

@@ -25,7 +25,60 @@ _FAMILIES = ("paper", *PEG_FAMILIES)
 
 
 class MammobotPegsEnv(MammobotEnv):
-    """Grow among rigid pegs until the tip is within 5 mm of a point."""
+    """Grow among rigid vertical pegs until the tip is within 5 mm of a point.
+
+    Action, reward, end and info are those of ``MammobotDuctEnv``, with the distance in space as tip error, the
+    shortest clear way among the pegs as way to go, and without walls to perforate (pegs are rigid).
+
+    ## Observation
+
+    ``Box(-1, 1, (size,), float32)``; a component is its value over its scale, clipped to -1..1. The world's origin is
+    the port, +z the direction of insertion, gravity along -y, and the pegs stand along y. The tip frame's axes are
+    the tendon side (to which pulling bends the tip), the binormal and the tip direction. ``hide_map`` and
+    ``localisation_noise_mm`` are as in ``MammobotDuctEnv``.
+
+    | index | name | scale | unit | meaning |
+    |---|---|---|---|---|
+    | 0 | `insertion_velocity` | 2.9 | mm/s | commanded insertion velocity of the catheter |
+    | 1 | `everted_length` | 100 | mm | everted length |
+    | 2 | `protrusion` | 20 | mm | inserted length of the catheter minus everted length |
+    | 3 | `slack` | 20 | mm | fed tail not yet everted |
+    | 4-5 | `roll` | 1 | - | sine and cosine of the catheter's roll at the base |
+    | 6 | `tendon_pull` | 4.9 | mm | tendon pull |
+    | 7 | `pressure` | 50 | kPa | gauge pressure in the sheath |
+    | 8 | `growth_rate` | 2.9 | mm/s | rate of the everted length |
+    | 9 | `tendon_tension` | 20 | N | tension of the tendon at the base |
+    | 10 | `tail_tension` | 1 | N | tension of the tail at the base |
+    | 11 | `buckled` | 1 | - | 1 if the sheath has buckled |
+    | 12-14 | `tip_position` | 100 | mm | tip position, world frame |
+    | 15-17 | `tip_direction` | 1 | - | direction of growth at the tip, world frame |
+    | 18-20 | `tendon_side` | 1 | - | side to which pulling bends the tip, world frame |
+    | 21-35 | `way_ahead` | 25 | mm | points of the way 3, 6, 10, 15, 20 mm ahead, tip frame |
+    | 36-40 | `width_ahead` | 10 | mm | distance to the nearest peg's surface at these points |
+    | 41-43 | `nearest_peg` | 25 | mm | vector from the tip to the nearest peg's axis, tip frame |
+    | 44-46 | `target` | 100 | mm | vector from the tip to the target, tip frame |
+    | 47 | `distance_to_go` | 100 | mm | way to go to the target |
+    | 48 | `peg_clearance` | 10 | mm | distance from the tip to the nearest peg's surface |
+    | 49-51 | `tip_force` | 0.5 | N | contact force on the tip, tip frame |
+    | 52 | `wall_force_max` | 0.5 | N | largest wall force on one section |
+    | 53 | `wall_force_sum` | 2 | N | sum of the wall forces |
+    | 54 | `contact_count` | 20 | - | number of sections in contact |
+    | 55 | `time_left` | 1 | - | fraction of the time limit that is left |
+
+    ## Arguments of ``gymnasium.make``
+
+    As in ``MammobotDuctEnv``; ``family`` is "train", "held_out", "dense" or "paper" (the arrangement of the paper's
+    Fig. 12).
+
+    ## Options of ``reset``
+
+    ``family``, ``index`` (with "paper": which of its targets, 0..2), ``everted_length_mm``; or ``pegs``: a
+    ``PegField`` instead of family and index. Unknown keys raise ``ConfigError``.
+
+    ## Versions
+
+    - v0: first version.
+    """
 
     terms: ClassVar[tuple[ObservationTerm, ...]] = PEG_TERMS
     option_names: ClassVar[tuple[str, ...]] = ("everted_length_mm", "family", "index", "pegs")

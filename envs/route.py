@@ -18,6 +18,7 @@ WAY_DISTANCES = (3 * MM, 6 * MM, 10 * MM, 15 * MM, 20 * MM)
 """How far ahead of the tip the way is shown [m]."""
 
 _AHEAD = np.array(WAY_DISTANCES)
+_FAR = 1.0  # the distance of the nearest peg [m] where there is none: finite, beyond every scale
 _HERE_AND_AHEAD = np.array((0.0, *WAY_DISTANCES))
 
 
@@ -104,8 +105,8 @@ class PegRoute:
         self.beside = [peg[0], position[1], peg[2]] if peg else position
 
     def _find_peg(self, x: float, z: float) -> tuple[float, list[float]]:
-        """Return the nearest peg's distance [m], infinite without pegs, and its row; pegs stand along y."""
-        nearest: tuple[float, list[float]] = (math.inf, [])
+        """Return the nearest peg's distance [m] and its row; pegs stand along y."""
+        nearest: tuple[float, list[float]] = (_FAR, [])
         for peg in self._pegs:
             distance = math.hypot(x - peg[0], z - peg[2]) - peg[6]
             if distance < nearest[0]:
