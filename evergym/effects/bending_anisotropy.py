@@ -1,0 +1,19 @@
+"""Bending anisotropy: the notches let the catheter bend in one plane only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evergym.config import parameter
+
+__all__ = ["BendingAnisotropy"]
+
+
+@dataclass(frozen=True)
+class BendingAnisotropy:
+    """A switch of the lattice: the catheter's fibres are a soft and a stiff pair (on) or alike (off).
+
+    The ratio is the robot's ``catheter_anisotropy``; the soft plane holds the tendon.
+    """
+
+    enabled: bool = parameter(True, source="the paper's Fig. 6: loads across the bend plane give almost no curvature")

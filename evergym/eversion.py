@@ -1,0 +1,209 @@
+"""Growth by eversion and retraction by inversion: how far the wall's tip moves in a step, and the tail that it takes.
+
+The driving pressure is what remains of the gauge pressure p after the yield, the friction of the tail along its length, on the
+catheter and in bends, and the contact force on the tip. It drives growth as fast as the rate law allows, if there is tail:
+slack is laid in freely, a taut tail comes at the drive's pace. Pulled back, the tail first gives up its slack; then it inverts the
+wall, or buckles the robot if that takes more than the column carries.
+"""
+
+from __future__ import annotations
+
+import math
+
+from evergym.effects.eversion_yield import compute_yield_pressure
+from evergym.effects.feed_limit import compute_taut_speed
+from evergym.effects.retraction_buckling import compute_axial_limit, compute_inversion_tension
+from evergym.effects.tail_capstan_friction import compute_capstan_factor
+from evergym.effects.tail_catheter_friction import compute_squeeze_loss
+from evergym.effects.tail_coulomb_friction import compute_tail_loss
+from evergym.effects.viscous_eversion import compute_pressure_speed
+from evergym.jit import njit
+from evergym.lattice import compute_bundle
+from evergym.state import Scalar
+
+__all__ = ["EVERTED_LENGTH_MIN", "update_eversion"]
+
+GROWTH_STEP = 0.01
+"""Longest step of the growth law [s]: it is a scalar equation, so it is followed far more finely than the shape."""
+
+EVERTED_LENGTH_MIN = 2e-3
+"""Wall that stays outside the base when everything is pulled in [m]."""
+
+
+@njit
+def _compute_resistance(parameters, state, length, feed_speed, turn_angle, moving):  # type: ignore[no-untyped-def]
+    """Return the pressure [Pa] that yield and tail friction take from growth at the everted ``length`` [m]."""
+    effects = parameters.effects
+    pressure = state.scalar[Scalar.PRESSURE]
+    folding = compute_yield_pressure(effects.eversion_yield, moving)
+    loss = compute_tail_loss(
+        effects.tail_coulomb_friction, length, pressure, effects.eversion_yield.kinetic, feed_speed
+    )
+    loss += compute_squeeze_loss(
+        effects.tail_catheter_friction,
+        pressure,
+        min(length, state.scalar[Scalar.CATHETER_LENGTH]),
+        parameters.robot.catheter_radius,
+        parameters.robot.sheath_radius,
+    )
+    return folding, loss, compute_capstan_factor(effects.tail_capstan_friction, turn_angle)
+
+
+@njit
+def _compute_column_limit(parameters, state, ws):  # type: ignore[no-untyped-def]
+    """Return the axial load [N] that the robot carries over its longest span between wall contacts."""
+    robot = parameters.robot
+    n = state.links[0]
+    everted = state.scalar[Scalar.EVERTED_LENGTH]
+    span = 0.0
+    longest = 0.0
+    for i in range(1, n + 1):
+        span += state.length[i - 1]
+        if state.depth[i] > 0.0 or i == n:
+            longest = max(longest, span)
+            span = 0.0
+    thrust = max(state.scalar[Scalar.PRESSURE], 0.0) * math.pi * robot.sheath_radius**2
+    compute_bundle(robot.sheath_bundle, thrust, 0.0, 0.0, 1.0, ws.section)
+    sheath = min(ws.section[3], ws.section[5])
+    compute_bundle(robot.flexible_bundle, 0.0, 0.0, 0.0, 1.0, ws.section)
+    both = sheath + min(ws.section[3], ws.section[5])
+    share = min(state.scalar[Scalar.CATHETER_LENGTH] / everted, 1.0)
+    if share < 1.0 and sheath <= 0.0:
+        return 0.0
+    compliance = share / both + ((1.0 - share) / sheath if share < 1.0 else 0.0)
+    return compute_axial_limit(parameters.effects.retraction_buckling, 1.0 / compliance, longest, thrust)
+
+
+@njit
+def _pull_tail(parameters, state, ws, turn_angle, pulled):  # type: ignore[no-untyped-def]
+    """Take ``pulled`` [m] of tail out: slack first, then inverted wall; a column that cannot carry it buckles."""
+    scalar = state.scalar
+    slack = max(scalar[Scalar.FED_LENGTH] - 2.0 * scalar[Scalar.EVERTED_LENGTH], 0.0)
+    from_slack = min(pulled, slack)
+    scalar[Scalar.FED_LENGTH] -= from_slack
+    rest = pulled - from_slack
+    scalar[Scalar.MOVING] = 0.0
+    if rest <= 0.0:
+        scalar[Scalar.TAIL_TENSION] = 0.0
+        return 0.0
+    robot = parameters.robot
+    area = math.pi * robot.sheath_radius**2
+    factor = compute_capstan_factor(parameters.effects.tail_capstan_friction, turn_angle)
+    tension = compute_inversion_tension(parameters.effects.retraction_buckling, scalar[Scalar.PRESSURE], area)
+    limit = _compute_column_limit(parameters, state, ws)
+    if tension > limit:
+        if scalar[Scalar.BUCKLED] == 0.0:
+            # It gives way to the side to which it is bent already.
+            bx = by = 0.0
+            for j in range(state.links[0]):
+                bx += state.bend[j, 0]
+                by += state.bend[j, 1]
+            norm = math.sqrt(bx * bx + by * by)
+            scalar[Scalar.BUCKLING_X] = bx / norm if norm > 0.0 else 0.0
+            scalar[Scalar.BUCKLING_Y] = by / norm if norm > 0.0 else 1.0
+        scalar[Scalar.BUCKLED] = 1.0
+        scalar[Scalar.BUCKLING_FORCE] = limit
+        scalar[Scalar.TAIL_TENSION] = limit
+        return 0.0
+    scalar[Scalar.TAIL_TENSION] = tension * factor
+    inverted = min(0.5 * rest, max(scalar[Scalar.EVERTED_LENGTH] - EVERTED_LENGTH_MIN, 0.0))
+    scalar[Scalar.EVERTED_LENGTH] -= inverted
+    scalar[Scalar.FED_LENGTH] -= 2.0 * inverted
+    return -inverted
+
+
+@njit
+def _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, dt):  # type: ignore[no-untyped-def]
+    """Grow for ``dt`` [s], with the tail fed at ``feed`` [m/s], and return the growth [m]."""
+    scalar = state.scalar
+    effects = parameters.effects
+    robot = parameters.robot
+    area = math.pi * robot.sheath_radius**2
+    length = scalar[Scalar.EVERTED_LENGTH]
+    feed_speed = 0.5 * (1.0 - effects.feed_limit.slip) * feed
+    moving = scalar[Scalar.MOVING] > 0.0
+    folding, loss, factor = _compute_resistance(parameters, state, length, feed, turn_angle, moving)
+    driving = scalar[Scalar.PRESSURE] - (folding + loss) * factor - tip_force / area
+    if driving > 0.0 and not moving:
+        moving = True
+        folding, loss, factor = _compute_resistance(parameters, state, length, feed, turn_angle, True)
+        driving = scalar[Scalar.PRESSURE] - (folding + loss) * factor - tip_force / area
+    scalar[Scalar.MOVING] = 1.0 if driving > 0.0 else 0.0
+    slack = scalar[Scalar.FED_LENGTH] - 2.0 * length
+    material = 2.0 * robot.everted_length_max - scalar[Scalar.FED_LENGTH]
+    free_feed = min(2.0 * feed_speed * dt, material)
+    if driving <= 0.0:
+        scalar[Scalar.FED_LENGTH] += free_feed
+        scalar[Scalar.TAIL_TENSION] = 0.0
+        return 0.0
+    # What the step itself adds to contact and friction counts (semi-implicit), so that no step overshoots the balance.
+    probe = 1e-6
+    folding, farther, factor = _compute_resistance(parameters, state, length + probe, feed, turn_angle, True)
+    hardening = max((farther - loss) * factor / probe, 0.0) + tip_stiffness / area
+    speed = compute_pressure_speed(effects.viscous_eversion, driving)
+    if speed > 1e6:
+        speed = driving / (hardening * dt) if hardening > 0.0 else 1e6
+    else:
+        speed /= 1.0 + effects.viscous_eversion.exponent * speed / driving * hardening * dt
+    if slack > 1e-12:
+        growth = min(speed * dt, 0.5 * (slack + free_feed))
+        scalar[Scalar.FED_LENGTH] += free_feed
+        scalar[Scalar.TAIL_TENSION] = 0.0
+    else:
+        growth = min(compute_taut_speed(effects.feed_limit, speed, feed_speed) * dt, 0.5 * max(material, 0.0))
+        scalar[Scalar.FED_LENGTH] += 2.0 * growth
+        # The tail takes up what the pressure could drive beyond the pace of the feed.
+        scalar[Scalar.TAIL_TENSION] = 0.5 * driving * area * max(1.0 - growth / (speed * dt), 0.0)
+    growth = min(growth, robot.everted_length_max - length)
+    scalar[Scalar.EVERTED_LENGTH] = length + growth
+    return growth
+
+
+@njit
+def update_eversion(parameters, state, command, ws, dt):  # type: ignore[no-untyped-def]
+    """Slide the catheter, feed or pull the tail, and grow or invert the wall, for one step.
+
+    Args:
+        parameters: `Parameters`.
+        state: `State`; lengths, rates, tail tension, motion and buckling are overwritten.
+        command: Command, see `evergym.stepper`, shape (8,).
+        ws: `Workspace`.
+        dt: Step [s].
+    """
+    scalar = state.scalar
+    robot = parameters.robot
+    if robot.has_catheter:
+        reach = robot.catheter_length_max
+        if robot.has_sheath and not robot.may_protrude:
+            reach = min(reach, scalar[Scalar.EVERTED_LENGTH])
+        scalar[Scalar.CATHETER_LENGTH] = min(max(scalar[Scalar.CATHETER_LENGTH] + command[0] * dt, 0.0), reach)
+    if not robot.has_sheath:
+        return
+    turn_angle = 0.0
+    everted = scalar[Scalar.EVERTED_LENGTH]
+    for j in range(state.links[0]):
+        share = min(ws.cover[j, 0] / state.length[j], 1.0)
+        turn_angle += share * math.sqrt(state.bend[j, 0] ** 2 + state.bend[j, 1] ** 2)
+    n = state.links[0]
+    tip_force = 0.0
+    tip_stiffness = 0.0
+    if scalar[Scalar.CATHETER_LENGTH] <= everted:
+        for a in range(3):
+            tip_force -= state.contact_force[n, a] * state.frame[n, a, 2]
+        tip_force = max(tip_force, 0.0)
+        tip_stiffness = scalar[Scalar.TIP_STIFFNESS]
+    feed = command[1]
+    count = max(int(math.ceil(dt / GROWTH_STEP - 1e-9)), 1)
+    step = dt / count
+    scalar[Scalar.BUCKLED] = 0.0
+    for _ in range(count):
+        if scalar[Scalar.BURST] > 0.0:
+            break
+        if feed < 0.0:
+            _pull_tail(parameters, state, ws, turn_angle, -feed * step)
+        else:
+            growth = _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, step)
+            tip_force += tip_stiffness * growth
+    scalar[Scalar.GROWTH_RATE] = (scalar[Scalar.EVERTED_LENGTH] - everted) / dt
+    if robot.has_catheter and not robot.may_protrude:
+        scalar[Scalar.CATHETER_LENGTH] = min(scalar[Scalar.CATHETER_LENGTH], scalar[Scalar.EVERTED_LENGTH])
