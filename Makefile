@@ -10,6 +10,8 @@ WORKERS ?= 2
 VENV := .venv
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.evergym-setup
+# Progress bars for people, silence for logs.
+PIP := $(RUN)/python -m pip install --disable-pip-version-check $(if $(MAKE_TERMOUT),,--quiet)
 TORCH := $(shell grep -E '^torch==' constraints.txt)
 
 .PHONY: help setup test lint demo clean
@@ -24,9 +26,9 @@ $(STAMP): pyproject.toml constraints.txt
 	  || { echo "evergym needs Python 3.11 or later; $(PYTHON) is older. Name another: make setup PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@test -x $(RUN)/python || { echo "Creating $(VENV)"; "$(PYTHON)" -m venv $(VENV); }
 	@echo "Installing $(TORCH) (the largest download), then the rest"
-	@$(RUN)/python -m pip install --quiet --disable-pip-version-check "$(TORCH)"
-	@$(RUN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt setuptools wheel
-	@$(RUN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[dev]'
+	@$(PIP) "$(TORCH)"
+	@$(PIP) -c constraints.txt setuptools wheel
+	@$(PIP) -c constraints.txt --no-build-isolation -e '.[dev]'
 	@touch $@
 
 lint: $(STAMP)  ## ruff and mypy
