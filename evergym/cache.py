@@ -13,6 +13,7 @@ import hashlib
 import os
 import re
 import tempfile
+import time
 from pathlib import Path
 
 import platformdirs
@@ -21,6 +22,7 @@ __all__ = ["compute_source_digest", "find_cache_root", "find_kernel_folder", "fi
 
 PACKAGE_NAME = "evergym"
 PACKAGE_FOLDER = Path(__file__).parent
+START_TIME = time.time()
 
 # One match per import statement: the module, then the imported names (in brackets, over several lines, or on one line).
 _IMPORT = re.compile(
@@ -61,6 +63,10 @@ def find_kernel_folder(source: str | Path) -> Path | None:
     path = Path(source)
     root = find_cache_root()
     if root is None or not path.is_file():
+        return None
+    # A file saved while this process runs may hold another text than what was imported: cached under the new text's
+    # hash, the old code would be found by every later process.
+    if any(file.stat().st_mtime > START_TIME for file in find_kernel_sources(path)):
         return None
     return root / f"{path.stem}-{compute_source_digest(path)}"
 

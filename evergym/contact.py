@@ -13,39 +13,44 @@ __all__ = ["add_contact", "add_friction"]
 
 
 @njit
-def _add_spring(force, stiffness, ws, gradient, hessian):  # type: ignore[no-untyped-def]
+def _add_spring(force, stiffness, normal, curvature, gradient, hessian):  # type: ignore[no-untyped-def]
     """Add a spring along the distance's gradient; the wall's curvature is part of the Hessian."""
     for a in range(3):
-        gradient[a] -= force * ws.gradient[a]
+        gradient[a] -= force * normal[a]
         for b in range(3):
-            hessian[a, b] += stiffness * ws.gradient[a] * ws.gradient[b] - force * ws.hessian[a, b]
+            hessian[a, b] += stiffness * normal[a] * normal[b] - force * curvature[a, b]
 
 
 @njit
-def add_contact(world, effects, ws, point, radius, tributary, previous_depth, dt, gradient, hessian):  # type: ignore[no-untyped-def]
+def add_contact(
+    has_wall, wall, pegs, law, friction, point, radius, tributary, previous_depth, dt, normal, curvature, gradient, hessian
+):  # type: ignore[no-untyped-def]
     """Add the contact of a sphere at ``point`` and return its energy [J], largest depth [m] and friction limit mu N [N].
 
     Args:
-        world: `WorldParameters`.
-        effects: `EffectParameters`; uses duct_compliance and contact_friction.
-        ws: Workspace; its ``gradient`` and ``hessian`` hold the distance's derivatives.
+        has_wall: Whether there is a duct.
+        wall: Its `WallField`.
+        pegs: shape (k, 7).
+        law: `DuctComplianceParameters`.
+        friction: `ContactFrictionParameters`.
         point: Centre [m], shape (3,).
         radius: Radius of the robot here [m].
         tributary: Length of robot that bears on this contact [m].
         previous_depth: Depth at the start of the step [m], for the damping.
         dt: Step [s].
+        normal: Scratch for the distance's gradient, shape (3,).
+        curvature: Scratch for its second derivatives, shape (3, 3).
         gradient: Energy's derivative by the point [N], shape (3,), accumulated.
         hessian: Its second derivative [N/m], shape (3, 3), accumulated.
     """
-    law = effects.duct_compliance
     energy = 0.0
     deepest = 0.0
     friction_limit = 0.0
-    if world.has_wall:
-        depth = radius - compute_wall_distance(world.wall, point, ws.gradient, ws.hessian)
+    if has_wall:
+        depth = radius - compute_wall_distance(wall, point, normal, curvature)
         if depth > 0.0:
             work, force, stiffness = compute_wall_force(law.stiffness * tributary, law.depth, depth)
-            friction_limit += effects.contact_friction.mu_tissue * force
+            friction_limit += friction.mu_tissue * force
             energy += work
             pressed = depth - previous_depth
             if pressed > 0.0:
@@ -53,16 +58,16 @@ def add_contact(world, effects, ws, point, radius, tributary, previous_depth, dt
                 energy += 0.5 * damping * pressed * pressed
                 force += damping * pressed
                 stiffness += damping
-            _add_spring(force, stiffness, ws, gradient, hessian)
+            _add_spring(force, stiffness, normal, curvature, gradient, hessian)
             deepest = depth
-    for k in range(world.pegs.shape[0]):
-        depth = radius - compute_peg_distance(world.pegs[k], point, ws.gradient, ws.hessian)
+    for k in range(pegs.shape[0]):
+        depth = radius - compute_peg_distance(pegs[k], point, normal, curvature)
         if depth > 0.0:
             stiffness = law.peg_stiffness * tributary
             force = stiffness * depth
-            friction_limit += effects.contact_friction.mu_peg * force
+            friction_limit += friction.mu_peg * force
             energy += 0.5 * force * depth
-            _add_spring(force, stiffness, ws, gradient, hessian)
+            _add_spring(force, stiffness, normal, curvature, gradient, hessian)
             deepest = max(deepest, depth)
     return energy, deepest, friction_limit
 

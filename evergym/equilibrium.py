@@ -12,7 +12,7 @@ import math
 
 from evergym.contact import add_contact, add_friction
 from evergym.jit import njit
-from evergym.links import add_bundles, place_link
+from evergym.links import add_springs, place_link
 from evergym.riccati import sweep_back
 from evergym.state import Scalar
 
@@ -32,75 +32,97 @@ class Status:
 
 
 @njit
-def _add_node(i, is_tip, parameters, state, command, ws, position, frame, dt):  # type: ignore[no-untyped-def]
-    """Overwrite node i's derivatives, store its contact in the workspace's derivative rows, and return its energy."""
-    gradient = ws.node_gradient[i]
-    hessian = ws.node_hessian[i]
-    for a in range(6):
-        gradient[a] = 0.0
-        for b in range(6):
-            hessian[a, b] = 0.0
+def _add_nodes(parameters, state, command, ws, position, frame, dt):  # type: ignore[no-untyped-def]
+    """Overwrite the nodes' derivatives and the workspace's contact records, and return the nodes' energy [J].
+
+    The forces, in this order: inertia, weight, the load on the tip, contact, friction.
+    """
     world = parameters.world
+    touching = world.has_wall or world.pegs.shape[0] > 0
     share = parameters.effects.saline_weight.share
-    mass = ws.mass[i]
-    inertia = mass / (dt * dt)
+    wx = share * world.gravity[0]
+    wy = share * world.gravity[1]
+    wz = share * world.gravity[2]
+    n = state.links[0]
     energy = 0.0
-    for a in range(3):
-        u = position[i, a] - ws.predicted[i, a]
-        weight = share * mass * world.gravity[a]
-        energy += 0.5 * inertia * u * u - weight * position[i, a]
-        gradient[a] = inertia * u - weight
-        hessian[a, a] = inertia
-    if is_tip:
-        for a in range(3):
-            energy -= command[5 + a] * position[i, a]
-            gradient[a] -= command[5 + a]
-    if not (world.has_wall or world.pegs.shape[0] > 0):
-        return energy
+    for i in range(1, n + 1):
+        gradient = ws.node_gradient[i]
+        hessian = ws.node_hessian[i]
+        gradient[:] = 0.0
+        hessian[:] = 0.0
+        mass = ws.mass[i]
+        inertia = mass / (dt * dt)
+        ux = position[i, 0] - ws.predicted[i, 0]
+        uy = position[i, 1] - ws.predicted[i, 1]
+        uz = position[i, 2] - ws.predicted[i, 2]
+        energy += 0.5 * inertia * (ux * ux + uy * uy + uz * uz)
+        energy -= mass * (wx * position[i, 0] + wy * position[i, 1] + wz * position[i, 2])
+        gradient[0] = inertia * ux - mass * wx
+        gradient[1] = inertia * uy - mass * wy
+        gradient[2] = inertia * uz - mass * wz
+        hessian[0, 0] = inertia
+        hessian[1, 1] = inertia
+        hessian[2, 2] = inertia
+        if i == n:
+            for a in range(3):
+                energy -= command[5 + a] * position[i, a]
+                gradient[a] -= command[5 + a]
+        if touching:
+            energy += _add_touch(i, i == n, parameters, state, ws, position, frame, dt)
+    return energy
+
+
+@njit
+def _add_touch(i, is_tip, parameters, state, ws, position, frame, dt):  # type: ignore[no-untyped-def]
+    """Add contact and friction of node i to its derivatives, record the contact, and return its energy."""
     # The contact of the tip is that of its rounded end, whose centre lies one radius back.
     back = ws.contact_radius[i] if is_tip else 0.0
-    contact_gradient = ws.contact_gradient
-    contact_hessian = ws.contact_hessian
+    gradient = ws.contact_gradient
+    hessian = ws.contact_hessian
+    point = ws.point
     for a in range(3):
-        ws.point[a] = position[i, a] - back * frame[i, a, 2]
-        contact_gradient[a] = 0.0
-        for b in range(3):
-            contact_hessian[a, b] = 0.0
-    work, depth, limit = add_contact(
-        world,
-        parameters.effects,
-        ws,
-        ws.point,
+        point[a] = position[i, a] - back * frame[i, a, 2]
+    gradient[:] = 0.0
+    hessian[:] = 0.0
+    energy, depth, limit = add_contact(
+        parameters.world.has_wall,
+        parameters.world.wall,
+        parameters.world.pegs,
+        parameters.effects.duct_compliance,
+        parameters.effects.contact_friction,
+        point,
         ws.contact_radius[i],
         ws.tributary[i],
         state.depth[i],
         dt,
-        contact_gradient,
-        contact_hessian,
+        ws.gradient,
+        ws.hessian,
+        gradient,
+        hessian,
     )
-    energy += work
     ws.depth[i] = depth
     ws.friction_limit[i] = limit
-    stiffness = 0.0
     for a in range(3):
-        ws.contact_force[i, a] = -contact_gradient[a]
-        for b in range(3):
-            stiffness += frame[i, a, 2] * contact_hessian[a, b] * frame[i, b, 2]
+        ws.contact_force[i, a] = -gradient[a]
     if is_tip:
+        stiffness = 0.0
+        for a in range(3):
+            for b in range(3):
+                stiffness += frame[i, a, 2] * hessian[a, b] * frame[i, b, 2]
         ws.tip_stiffness[0] = max(stiffness, 0.0)
     if state.friction_limit[i] > 0.0:
         slip = parameters.effects.contact_friction.sliding_speed * dt
         energy += add_friction(
-            state.friction_limit[i], ws.normal[i], ws.point, ws.reference[i], slip, contact_gradient, contact_hessian
+            state.friction_limit[i], ws.normal[i], point, ws.reference[i], slip, gradient, hessian
         )
     elif depth <= 0.0:
         return energy
     for a in range(3):
-        gradient[a] += contact_gradient[a]
+        ws.node_gradient[i, a] += gradient[a]
         for b in range(3):
-            hessian[a, b] += contact_hessian[a, b]
+            ws.node_hessian[i, a, b] += hessian[a, b]
     if is_tip:
-        _add_lever(back, frame[i], contact_gradient, contact_hessian, gradient, hessian)
+        _add_lever(back, frame[i], gradient, hessian, ws.node_gradient[i], ws.node_hessian[i])
     return energy
 
 
@@ -142,15 +164,13 @@ def _add_lever(back, frame, force, stiffness, gradient, hessian):  # type: ignor
 def _evaluate(parameters, state, command, ws, bend, roll, position, frame, dt, place):  # type: ignore[no-untyped-def]
     """Place all sections (unless they are), overwrite all derivatives, and return energy [J], tendon stretch [m] and its tension [N]."""
     n = state.links[0]
-    energy = 0.0
-    path = 0.0
-    for j in range(n):
-        length = state.length[j]
-        if place:
-            place_link(j, length, bend, ws, position, frame)
-        work, shortened = add_bundles(j, length, parameters, state, ws, bend, roll, dt)
-        path += shortened
-        energy += work + _add_node(j + 1, j + 1 == n, parameters, state, command, ws, position, frame, dt)
+    if place:
+        for j in range(n):
+            place_link(
+                j, state.length[j], bend[j, 0], bend[j, 1], ws.link, ws.column, ws.half_column, position, frame
+            )
+    energy, path = add_springs(parameters, state, ws, bend, roll, dt)
+    energy += _add_nodes(parameters, state, command, ws, position, frame, dt)
     stretch = state.scalar[Scalar.TRANSMITTED_PULL] - path
     if not parameters.robot.has_catheter or state.scalar[Scalar.CATHETER_LENGTH] <= 0.0:
         stretch = -1.0
@@ -207,7 +227,17 @@ def _apply_step(step, scale, n, ws, state):  # type: ignore[no-untyped-def]
                 ws.bend[j, a] = state.bend[j, a] + u
             else:
                 ws.roll[j + 1] = ws.roll[j] + state.roll[j + 1] - state.roll[j] + u
-        place_link(j, state.length[j], ws.bend, ws, ws.position, ws.frame)
+        place_link(
+            j,
+            state.length[j],
+            ws.bend[j, 0],
+            ws.bend[j, 1],
+            ws.link,
+            ws.column,
+            ws.half_column,
+            ws.position,
+            ws.frame,
+        )
 
 
 @njit

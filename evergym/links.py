@@ -9,29 +9,30 @@ from evergym.jit import njit
 from evergym.lattice import compute_bundle
 from evergym.state import Scalar
 
-__all__ = ["add_bundles", "place_link"]
+__all__ = ["add_springs", "place_link"]
 
 UNUSED_TWIST_SHARE = 1e-3
 """Torsional rigidity of a link without catheter, as a share of the catheter's: the roll there means nothing but needs a value."""
 
 
 @njit
-def place_link(j, length, bend, ws, position, frame):  # type: ignore[no-untyped-def]
+def place_link(j, length, px, py, link, column, half_column, position, frame):  # type: ignore[no-untyped-def]
     """Place section j + 1 from section j and the bend between them, and the derivatives that the solver needs.
 
     The link is straight and points along the tangent halfway through its bend, so a uniformly bent link is exact to second
-    order. Overwrites ``position[j + 1]``, ``frame[j + 1]``, and row j of the workspace's ``link``, ``column``, ``half_column``.
+    order. Overwrites ``position[j + 1]``, ``frame[j + 1]``, and row j of the three arrays of derivatives.
 
     Args:
         j: Link.
         length: Its length [m].
-        bend: Bends [rad], shape (n, 2).
-        ws: Workspace.
+        px: Bend about the first section's x [rad].
+        py: Bend about its y [rad].
+        link: Vector along each link [m], shape (n, 3).
+        column: Derivative of the end rotation by the bends, shape (n, 2, 3).
+        half_column: Derivative of the link's own rotation by the bends, shape (n, 2, 3).
         position: Node positions [m], shape (n + 1, 3).
         frame: Section frames, shape (n + 1, 3, 3).
     """
-    px = bend[j, 0]
-    py = bend[j, 1]
     square = px * px + py * py
     angle = math.sqrt(square)
     if angle > 1e-4:
@@ -64,22 +65,21 @@ def place_link(j, length, bend, ws, position, frame):  # type: ignore[no-untyped
         r1 = frame[j, a, 1]
         r2 = frame[j, a, 2]
         step = length * (r0 * dx + r1 * dy + r2 * dz)
-        ws.link[j, a] = step
+        link[j, a] = step
         position[j + 1, a] = position[j, a] + step
         frame[j + 1, a, 0] = r0 * e00 + r1 * e01 - r2 * s1 * py
         frame[j + 1, a, 1] = r0 * e01 + r1 * e11 + r2 * s1 * px
         frame[j + 1, a, 2] = r0 * s1 * py - r1 * s1 * px + r2 * (1.0 - c2 * square)
         # Left Jacobian of the exponential map, its first two columns turned into the world.
-        ws.column[j, 0, a] = r0 * (s1 + s2 * px * px) + r1 * s2 * px * py - r2 * c2 * py
-        ws.column[j, 1, a] = r0 * s2 * px * py + r1 * (s1 + s2 * py * py) + r2 * c2 * px
-        ws.half_column[j, 0, a] = 0.5 * (r0 * (h1 + hs2 * qx * qx) + r1 * hs2 * qx * qy - r2 * hc2 * qy)
-        ws.half_column[j, 1, a] = 0.5 * (r0 * hs2 * qx * qy + r1 * (h1 + hs2 * qy * qy) + r2 * hc2 * qx)
+        column[j, 0, a] = r0 * (s1 + s2 * px * px) + r1 * s2 * px * py - r2 * c2 * py
+        column[j, 1, a] = r0 * s2 * px * py + r1 * (s1 + s2 * py * py) + r2 * c2 * px
+        half_column[j, 0, a] = 0.5 * (r0 * (h1 + hs2 * qx * qx) + r1 * hs2 * qx * qy - r2 * hc2 * qy)
+        half_column[j, 1, a] = 0.5 * (r0 * hs2 * qx * qy + r1 * (h1 + hs2 * qy * qy) + r2 * hc2 * qx)
 
 
 @njit
-def _add_catheter(bundle, share, length, bend_x, bend_y, c, s, ws, j):  # type: ignore[no-untyped-def]
+def _add_catheter(bundle, share, length, bend_x, bend_y, c, s, section, gradient, hessian):  # type: ignore[no-untyped-def]
     """Bend a catheter bundle that is rolled by the angle with cosine c and sine s, and return its energy."""
-    section = ws.section
     cx = c * bend_x + s * bend_y
     cy = -s * bend_x + c * bend_y
     compute_bundle(bundle, 0.0, cx, cy, length, section)
@@ -88,8 +88,6 @@ def _add_catheter(bundle, share, length, bend_x, bend_y, c, s, ws, j):  # type: 
     kxx = share * section[3]
     kxy = share * section[4]
     kyy = share * section[5]
-    gradient = ws.link_gradient[j]
-    hessian = ws.link_hessian[j]
     gradient[0] += c * mx - s * my
     gradient[1] += s * mx + c * my
     # Rolling turns the bend in the catheter's frame at the rate (cy, -cx).
@@ -116,107 +114,117 @@ def _add_catheter(bundle, share, length, bend_x, bend_y, c, s, ws, j):  # type: 
 
 
 @njit
-def add_bundles(j, length, parameters, state, ws, bend, roll, dt):  # type: ignore[no-untyped-def]
-    """Overwrite link j's derivatives by its bends, twist and first roll, and return its energy and tendon path.
+def _sum_stiffness(bundle):  # type: ignore[no-untyped-def]
+    """Return the bending stiffness [N m^2] of a bundle whose fibres are all taut, about y."""
+    total = 0.0
+    for i in range(bundle.shape[0]):
+        total += bundle[i, 0] * bundle[i, 1] * bundle[i, 1]
+    return total
+
+
+@njit
+def add_springs(parameters, state, ws, bend, roll, dt):  # type: ignore[no-untyped-def]
+    """Overwrite the links' derivatives by bends, twist and first roll, and return their energy [J] and the tendon's path [m].
 
     The forces, in this order: sheath fibres under pressure (or the kink at the root), flexible and proximal catheter fibres,
-    torsional braces, damping in the fibres, the tail of a buckled column. The tendon's path is returned for the caller.
+    torsional braces, damping in the fibres, the tail of a buckled column. The tendon's own energy is left to the caller.
 
     Args:
-        j: Link.
-        length: Its length [m].
         parameters: `Parameters`.
-        state: `State`; uses the pressure and the buckling.
-        ws: Workspace; row j of ``link_gradient``, ``link_hessian`` and ``tendon`` is overwritten.
+        state: `State`; uses lengths, pressure and buckling.
+        ws: Workspace; ``link_gradient``, ``link_hessian`` and ``tendon`` are overwritten.
         bend: Bends [rad], shape (n, 2).
         roll: Rolls of the nodes [rad], shape (n + 1,).
         dt: Step [s].
     """
     robot = parameters.robot
-    gradient = ws.link_gradient[j]
-    hessian = ws.link_hessian[j]
-    tendon = ws.tendon[j]
     section = ws.section
-    for a in range(4):
-        gradient[a] = 0.0
-        tendon[a] = 0.0
-        for b in range(4):
-            hessian[a, b] = 0.0
-    bend_x = bend[j, 0]
-    bend_y = bend[j, 1]
-    energy = 0.0
+    root_kink = parameters.effects.root_kink
     pressure = state.scalar[Scalar.PRESSURE]
-    sheath_share = ws.cover[j, 0] / length
-    if sheath_share > 0.0:
-        hinge = 0.0
-        if j == 0 and (parameters.effects.root_kink.moment > 0.0 or parameters.effects.root_kink.share > 0.0):
-            hinge = compute_kink_moment(parameters.effects.root_kink, pressure, robot.sheath_radius)
-        if hinge > 0.0:
-            # Elastic at first, then the kink's constant moment.
-            compute_bundle(robot.sheath_bundle, 1.0, 0.0, 0.0, length, section)
-            width = hinge / section[3]
-            root = math.sqrt(bend_x * bend_x + bend_y * bend_y + width * width)
-            energy += hinge * (root - width)
-            gradient[0] += hinge * bend_x / root
-            gradient[1] += hinge * bend_y / root
-            hessian[0, 0] += hinge / root * (1.0 - bend_x * bend_x / (root * root))
-            hessian[0, 1] -= hinge / root * bend_x * bend_y / (root * root)
-            hessian[1, 1] += hinge / root * (1.0 - bend_y * bend_y / (root * root))
-        else:
-            thrust = max(pressure, 0.0) * math.pi * robot.sheath_radius * robot.sheath_radius
-            compute_bundle(robot.sheath_bundle, thrust, bend_x, bend_y, length, section)
-            energy += sheath_share * section[0]
-            gradient[0] += sheath_share * section[1]
-            gradient[1] += sheath_share * section[2]
-            hessian[0, 0] += sheath_share * section[3]
-            hessian[0, 1] += sheath_share * section[4]
-            hessian[1, 1] += sheath_share * section[5]
-    twist = roll[j + 1] - roll[j]
-    flexible = ws.cover[j, 1] / length
-    proximal = ws.cover[j, 2] / length
-    if flexible > 0.0 or proximal > 0.0:
-        middle = 0.5 * (roll[j] + roll[j + 1])
-        c = math.cos(middle)
-        s = math.sin(middle)
-        if flexible > 0.0:
-            energy += _add_catheter(robot.flexible_bundle, flexible, length, bend_x, bend_y, c, s, ws, j)
-        if proximal > 0.0:
-            energy += _add_catheter(robot.proximal_bundle, proximal, length, bend_x, bend_y, c, s, ws, j)
-        # The tendon lies at (arm, 0) of the catheter's frame: bending towards it, about y, shortens its path.
-        arm = robot.tendon_arm * flexible
-        tendon[0] = -arm * s
-        tendon[1] = arm * c
-        tendon[3] = -arm * (c * bend_x + s * bend_y)
-        tendon[2] = 0.5 * tendon[3]
-    share = flexible + proximal
-    braces = robot.torsional_rigidity * max(share, UNUSED_TWIST_SHARE) / length
-    energy += 0.5 * braces * twist * twist
-    gradient[2] += braces * twist
-    hessian[2, 2] += braces
-    if robot.damping_time > 0.0:
-        # Dashpots along the fibres; the stiffness is the one at hand's bound: soft catheter fibres, or the taut film.
-        rate = robot.damping_time / (dt * length)
-        bundle = robot.flexible_bundle if flexible > 0.0 else robot.sheath_bundle
-        stiffness = 0.0
-        for i in range(bundle.shape[0]):
-            stiffness += bundle[i, 0] * bundle[i, 1] * bundle[i, 1]
-        damping = rate * stiffness
-        ux = bend_x - ws.previous_bend[j, 0]
-        uy = bend_y - ws.previous_bend[j, 1]
-        energy += 0.5 * damping * (ux * ux + uy * uy)
-        gradient[0] += damping * ux
-        gradient[1] += damping * uy
-        hessian[0, 0] += damping
-        hessian[1, 1] += damping
-        twisting = robot.damping_time / dt * braces
-        ut = twist - (ws.previous_roll[j + 1] - ws.previous_roll[j])
-        energy += 0.5 * twisting * ut * ut
-        gradient[2] += twisting * ut
-        hessian[2, 2] += twisting
-    if state.scalar[Scalar.BUCKLED] > 0.0 and sheath_share > 0.0:
+    thrust = max(pressure, 0.0) * math.pi * robot.sheath_radius * robot.sheath_radius
+    buckling_moment = 0.0
+    if state.scalar[Scalar.BUCKLED] > 0.0:
         # The taut tail bears on the inside of the bend, one sheath radius off the axis.
-        moment = state.scalar[Scalar.BUCKLING_FORCE] * robot.sheath_radius * sheath_share
-        energy -= moment * (state.scalar[Scalar.BUCKLING_X] * bend_x + state.scalar[Scalar.BUCKLING_Y] * bend_y)
-        gradient[0] -= moment * state.scalar[Scalar.BUCKLING_X]
-        gradient[1] -= moment * state.scalar[Scalar.BUCKLING_Y]
-    return energy, tendon[1] * bend_y + tendon[0] * bend_x - robot.tendon_arm * flexible * robot.pre_curvature * length
+        buckling_moment = state.scalar[Scalar.BUCKLING_FORCE] * robot.sheath_radius
+    catheter_damping = robot.damping_time / dt * _sum_stiffness(robot.flexible_bundle)
+    sheath_damping = robot.damping_time / dt * _sum_stiffness(robot.sheath_bundle)
+    energy = 0.0
+    path = 0.0
+    for j in range(state.links[0]):
+        length = state.length[j]
+        gradient = ws.link_gradient[j]
+        hessian = ws.link_hessian[j]
+        tendon = ws.tendon[j]
+        gradient[:] = 0.0
+        hessian[:] = 0.0
+        tendon[:] = 0.0
+        bend_x = bend[j, 0]
+        bend_y = bend[j, 1]
+        sheath_share = ws.cover[j, 0] / length
+        if sheath_share > 0.0:
+            hinge = 0.0
+            if j == 0 and (root_kink.moment > 0.0 or root_kink.share > 0.0):
+                hinge = compute_kink_moment(root_kink, pressure, robot.sheath_radius)
+            if hinge > 0.0:
+                # Elastic at first, then the kink's constant moment.
+                compute_bundle(robot.sheath_bundle, 1.0, 0.0, 0.0, length, section)
+                width = hinge / section[3]
+                root = math.sqrt(bend_x * bend_x + bend_y * bend_y + width * width)
+                energy += hinge * (root - width)
+                gradient[0] += hinge * bend_x / root
+                gradient[1] += hinge * bend_y / root
+                hessian[0, 0] += hinge / root * (1.0 - bend_x * bend_x / (root * root))
+                hessian[0, 1] -= hinge / root * bend_x * bend_y / (root * root)
+                hessian[1, 1] += hinge / root * (1.0 - bend_y * bend_y / (root * root))
+            else:
+                compute_bundle(robot.sheath_bundle, thrust, bend_x, bend_y, length, section)
+                energy += sheath_share * section[0]
+                gradient[0] += sheath_share * section[1]
+                gradient[1] += sheath_share * section[2]
+                hessian[0, 0] += sheath_share * section[3]
+                hessian[0, 1] += sheath_share * section[4]
+                hessian[1, 1] += sheath_share * section[5]
+        twist = roll[j + 1] - roll[j]
+        flexible = ws.cover[j, 1] / length
+        proximal = ws.cover[j, 2] / length
+        if flexible > 0.0 or proximal > 0.0:
+            middle = 0.5 * (roll[j] + roll[j + 1])
+            c = math.cos(middle)
+            s = math.sin(middle)
+            if flexible > 0.0:
+                energy += _add_catheter(robot.flexible_bundle, flexible, length, bend_x, bend_y, c, s, section, gradient, hessian)
+            if proximal > 0.0:
+                energy += _add_catheter(robot.proximal_bundle, proximal, length, bend_x, bend_y, c, s, section, gradient, hessian)
+            # The tendon lies at (arm, 0) of the catheter's frame: bending towards it, about y, shortens its path.
+            arm = robot.tendon_arm * flexible
+            tendon[0] = -arm * s
+            tendon[1] = arm * c
+            tendon[3] = -arm * (c * bend_x + s * bend_y)
+            tendon[2] = 0.5 * tendon[3]
+        share = flexible + proximal
+        braces = robot.torsional_rigidity * max(share, UNUSED_TWIST_SHARE) / length
+        energy += 0.5 * braces * twist * twist
+        gradient[2] += braces * twist
+        hessian[2, 2] += braces
+        if robot.damping_time > 0.0:
+            # Dashpots along the fibres, as stiff as the taut fibres of the catheter, or else of the sheath.
+            damping = (catheter_damping if flexible > 0.0 else sheath_damping) / length
+            ux = bend_x - ws.previous_bend[j, 0]
+            uy = bend_y - ws.previous_bend[j, 1]
+            energy += 0.5 * damping * (ux * ux + uy * uy)
+            gradient[0] += damping * ux
+            gradient[1] += damping * uy
+            hessian[0, 0] += damping
+            hessian[1, 1] += damping
+            twisting = robot.damping_time / dt * braces
+            ut = twist - (ws.previous_roll[j + 1] - ws.previous_roll[j])
+            energy += 0.5 * twisting * ut * ut
+            gradient[2] += twisting * ut
+            hessian[2, 2] += twisting
+        if buckling_moment > 0.0 and sheath_share > 0.0:
+            moment = buckling_moment * sheath_share
+            energy -= moment * (state.scalar[Scalar.BUCKLING_X] * bend_x + state.scalar[Scalar.BUCKLING_Y] * bend_y)
+            gradient[0] -= moment * state.scalar[Scalar.BUCKLING_X]
+            gradient[1] -= moment * state.scalar[Scalar.BUCKLING_Y]
+        path += tendon[1] * bend_y + tendon[0] * bend_x - robot.tendon_arm * flexible * robot.pre_curvature * length
+    return energy, path

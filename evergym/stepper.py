@@ -7,7 +7,7 @@
 5. equilibrium of springs, tendon, weight, contact and friction          `evergym.equilibrium`, `evergym.links`, `evergym.contact`
 6. records     contact forces, friction limits, velocities               here
 
-A new force is a term in step 5: of a link in `evergym.links.add_bundles`, of a node in `evergym.equilibrium`. A new effect on
+A new force is a term in step 5: of a link in `evergym.links.add_springs`, of a node in `evergym.equilibrium`. A new effect on
 growth is a term in step 3. A command is an array of eight: insertion velocity, tail feed velocity [m/s], roll [rad], tendon pull
 [m], pressure [Pa], and the load on the tip [N] along x, y, z.
 """
@@ -39,7 +39,17 @@ def _place_chain(parameters, state, ws):  # type: ignore[no-untyped-def]
         for b in range(3):
             state.frame[0, a, b] = parameters.world.port_frame[a, b]
     for j in range(state.links[0]):
-        place_link(j, state.length[j], state.bend, ws, state.position, state.frame)
+        place_link(
+            j,
+            state.length[j],
+            state.bend[j, 0],
+            state.bend[j, 1],
+            ws.link,
+            ws.column,
+            ws.half_column,
+            state.position,
+            state.frame,
+        )
 
 
 @njit
