@@ -37,6 +37,8 @@ def scale(x: float) -> float:
     return base.FACTOR * x
 """
 
+IMPORT = "from evergym.kernel import apply"
+
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
@@ -60,7 +62,7 @@ def run(code: str, package: Path, **environment: str) -> list[str]:
     """The words that code prints in a new process, which sees the small evergym (-S: and not the editable install)."""
     paths = os.pathsep.join([str(package.parent), sysconfig.get_paths()["purelib"]])
     result = subprocess.run(
-        [sys.executable, "-S", "-c", f"from evergym.kernel import apply\n{code}"],
+        [sys.executable, "-S", "-c", code],
         cwd=package.parent,
         env={**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(package.parent / "cache"), **environment},
         capture_output=True,
@@ -74,7 +76,7 @@ def run(code: str, package: Path, **environment: str) -> list[str]:
 
 def call(package: Path) -> list[str]:
     """Value and number of cache hits of one call of the kernel in a new process."""
-    return run("print(apply(10.0), sum(apply.stats.cache_hits.values()))", package)
+    return run(f"{IMPORT}; print(apply(10.0), sum(apply.stats.cache_hits.values()))", package)
 
 
 def test_a_second_process_loads_what_the_first_compiled(package: Path) -> None:
@@ -99,7 +101,7 @@ def test_an_edit_below_a_kernel_recompiles_it(package: Path, file: str, old: str
 
 def test_the_users_cache_folder_is_used(package: Path) -> None:
     chosen = package.parent / "chosen"
-    (used,) = run("print(apply.stats.cache_path)", package, NUMBA_CACHE_DIR=str(chosen))
+    (used,) = run(f"{IMPORT}; print(apply.stats.cache_path)", package, NUMBA_CACHE_DIR=str(chosen))
     assert Path(used).is_relative_to(chosen)
 
 
@@ -107,8 +109,17 @@ def test_without_any_folder_kernels_still_compile(package: Path) -> None:
     blocked = package.parent / "blocked"
     blocked.write_text("")  # a file, where each of the folders would have to be made
     (package / "__init__.py").write_text(f"import tempfile\ntempfile.tempdir = {str(blocked)!r}\n")
-    printed = run("print(apply(10.0), apply.stats.cache_path)", package, NUMBA_CACHE_DIR=str(blocked))
+    printed = run(f"{IMPORT}; print(apply(10.0), apply.stats.cache_path)", package, NUMBA_CACHE_DIR=str(blocked))
     assert printed == ["21.0", "None"]
+
+
+def test_what_is_saved_while_a_process_runs_is_not_cached(package: Path) -> None:
+    path = package / "lowest.py"
+    save = (
+        f"import time, evergym.lowest, evergym.cache; time.sleep(0.1); open({str(path)!r}, 'w').write('FACTOR = 3.0')"
+    )
+    assert run(f"{save}; {IMPORT}; print(apply(10.0), apply.stats.cache_path)", package) == ["21.0", "None"]
+    assert call(package) == ["31.0", "0"]
 
 
 def test_sources_are_followed_through_links_and_brackets(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,4 +129,7 @@ def test_sources_are_followed_through_links_and_brackets(package: Path, monkeypa
 
 
 def test_the_jit_can_be_switched_off(package: Path) -> None:
-    assert run("print(apply(10.0), type(apply).__name__)", package, NUMBA_DISABLE_JIT="1") == ["21.0", "function"]
+    assert run(f"{IMPORT}; print(apply(10.0), type(apply).__name__)", package, NUMBA_DISABLE_JIT="1") == [
+        "21.0",
+        "function",
+    ]
