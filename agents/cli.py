@@ -28,6 +28,7 @@ COMMANDS = {
     "evaluate": CommandEntry(
         "evergym.agents.evaluation", "Evaluate", "compare policies and controllers, write a report"
     ),
+    "report": CommandEntry("evergym.agents.report", "Report", "write the report of an evaluation again"),
     "rollout": CommandEntry("evergym.agents.rollout", "Rollout", "run one episode and show it"),
     "bench": CommandEntry("evergym.agents.bench", "Bench", "measure the simulator's speed and accuracy"),
     "soak": CommandEntry("evergym.agents.soak", "Soak", "run random and adversarial actions for a long time"),
