@@ -96,7 +96,8 @@ def test_every_import_is_a_declared_dependency(settings: dict[str, Any]) -> None
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
             for top in {name.partition(".")[0] for name in names} - set(sys.stdlib_module_names) - {"evergym"}:
-                if not known & {canonical(provider) for provider in providers.get(top, [])}:
+                # A compiled module alone (manifold3d) has no entry among the providers; its project has its name.
+                if not known & {canonical(provider) for provider in providers.get(top, [top])}:
                     missing.add(f"{path.relative_to(CHECKOUT)} imports {top}")
     assert missing == set()
 
