@@ -97,8 +97,6 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             self._simulator = Simulator(self.model, world)
         self._world = world
         self._scene = scene
-        if self._renderer is not None:
-            self._renderer.forget_scene()
         self.drive.reset()
         reading = self._simulator.reset(everted_length=length * MM)
         self._reading = reading

@@ -11,9 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.duct_models.duct import Duct
+from evergym.duct_models.duct import Duct, generate_duct
 from evergym.duct_models.family import FAMILIES
-from evergym.duct_models.generate import generate_duct
 from evergym.duct_models.user_mesh import load_duct
 from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import DUCT_TERMS, ObservationTerm

@@ -109,7 +109,13 @@ class _GoalEnv(MammobotEnv):
 
 
 class MammobotPegsGoalEnv(_GoalEnv, MammobotPegsEnv):
-    """``MammobotPegs-v0`` with goals: a goal is a tip position."""
+    """``MammobotPegs-v0`` with goals as vectors, for hindsight experience replay.
+
+    Observation: a dictionary of ``observation`` (as in ``MammobotPegsEnv``), ``achieved_goal`` and ``desired_goal``.
+    Reward, start, end, info, arguments and options as in ``MammobotDuctGoalEnv``.
+
+    A goal is a tip position: three coordinates over 150 mm. The error between two goals is their distance.
+    """
 
     goal_size: ClassVar[int] = 3
 
@@ -124,7 +130,36 @@ class MammobotPegsGoalEnv(_GoalEnv, MammobotPegsEnv):
 
 
 class MammobotDuctGoalEnv(_GoalEnv, MammobotDuctEnv):
-    """``MammobotDuct-v0`` with goals: a goal is a place in the lumen."""
+    """``MammobotDuct-v0`` with goals as vectors, for hindsight experience replay.
+
+    Observation: a dictionary of ``observation`` (as in ``MammobotDuctEnv``), ``achieved_goal`` and ``desired_goal``,
+    float32 boxes
+    -1..1. Action, start, end, info and options are those of ``MammobotDuctEnv``.
+
+    A goal is a place in the lumen, all lengths over 150 mm, so that "within 5 mm along the lumen" can be told from
+    two goals alone, in any anatomy:
+
+    | index | meaning |
+    |---|---|
+    | 0-2 | position in the world (for generalisation; not part of the error) |
+    | 3 | distance from the centreline; 0 at the target |
+    | 4-19 | for each branch of the duct, how far into it the way from the port leads |
+
+    The way along the lumen between two goals is the sum of the absolute differences of 4-19: branches that both ways
+    share cancel, all others add. The error is hypot(way along the lumen, difference of 3), as in
+    ``info["tip_error_mm"]``.
+
+    Reward: the sum of ``info["reward/<term>"]``, equal to ``compute_reward(achieved_goal, desired_goal, info)``.
+
+    | term | value |
+    |---|---|
+    | `goal` | "sparse": -1 while the error is above ``success_distance_mm``, else 0; "dense": -0.1 per mm of error |
+    | `failure` | once, -100 on a burst or perforation: what a discount of 0.99 makes of -1 for ever |
+    | `wall_force` | as in ``MammobotDuctEnv`` |
+
+    Arguments: those of ``MammobotDuctEnv`` and ``goal_reward`` ("sparse", or "dense"). Of ``reward``, the weights
+    ``failure``, ``wall_force_per_n_s`` and, for "dense", ``progress_per_mm`` have an effect.
+    """
 
     goal_size: ClassVar[int] = 4 + LUMEN_COORDINATES
 

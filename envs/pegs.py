@@ -112,7 +112,7 @@ class MammobotPegsEnv(MammobotEnv):
                     raise ConfigError(
                         f"options has both 'pegs' and {key!r}. Give either a field or a family and an index."
                     )
-            world = World.pegs(field)
+            world = World.peg_field(field)
         else:
             family = options.get("family", self.family)
             check_keys({family: None}, _FAMILIES, where="options['family']")
@@ -137,4 +137,4 @@ class MammobotPegsEnv(MammobotEnv):
 def _build_place(family: str, index: int) -> tuple[PegField, World]:
     """Return a peg field and its world, kept: most episodes of a training run begin in a place already seen."""
     field = paper_pegs(index) if family == "paper" else generate_pegs(family, index)
-    return field, World.pegs(field)
+    return field, World.peg_field(field)
