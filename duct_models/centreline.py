@@ -101,8 +101,8 @@ class Centreline:
             node = int(np.argmax(bad))
             raise GeometryError(
                 f"Centreline node {node} is not usable: position {self.position[node]} m, station "
-                f"{self.station[node] / MM:.2f} mm, radius {self.radius[node] / MM:.2f} mm. All must be finite, and the "
-                "radius positive."
+                f"{self.station[node] / MM:.2f} mm, radius {self.radius[node] / MM:.2f} mm. All must be finite, and "
+                "the radius positive."
             )
         if self.parent[0] != -1 or (self.parent[1:] < 0).any() or (self.parent[1:] >= np.arange(1, count)).any():
             raise GeometryError(
@@ -112,8 +112,8 @@ class Centreline:
         if not (step > 0.0).all():
             node = int(np.argmin(step)) + 1
             raise GeometryError(
-                f"The station must grow along the centreline: it goes from {self.station[self.parent[node]] / MM:.3f} to "
-                f"{self.station[node] / MM:.3f} mm at node {node}."
+                f"The station must grow along the centreline: it goes from "
+                f"{self.station[self.parent[node]] / MM:.3f} to {self.station[node] / MM:.3f} mm at node {node}."
             )
 
     @cached_property

@@ -2,7 +2,7 @@
 
 Sources are those of "Duct anatomy" in the project's notes on effects. A *prior* is a number that no source gives. The
 families for the default robot are enlarged, as the phantom of Wu et al. 2023 is: its mesh was scaled until the lumen
-near the first branches was two and a half to three robot diameters, since the robot turns only some 30 degrees in 50 mm.
+near the first branches was two and a half to three robot diameters, since the robot turns but some 30 degrees in 50 mm.
 """
 
 from __future__ import annotations

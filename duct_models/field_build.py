@@ -2,14 +2,13 @@
 
 fcl is asked on every second grid node near the wall; the nodes between take the best of their neighbours' triangles and
 walk on to the nearest one, which is exact wherever the nearest point is not far from the neighbours' (a test holds the
-field to fcl at random points). Far from the wall only the sign and the trend matter, and no walk is made.
+field to fcl at random points). Farther from the wall a mean of neighbours will do.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.ndimage
-import scipy.spatial
 import trimesh
 from numpy.typing import NDArray
 
@@ -62,60 +61,97 @@ def build_wall_field(mesh: trimesh.Trimesh, spacing: float = FIELD_SPACING) -> W
     if np.prod(count.astype(float)) > MAX_NODES:
         size = (upper - lower) / MM
         raise GeometryError(
-            f"The wall of {size[0]:.0f} x {size[1]:.0f} x {size[2]:.0f} mm needs {np.prod(count.astype(float)):.2g} grid "
-            f"nodes at {spacing / MM:.2f} mm, the limit is {MAX_NODES:.2g}. Check the mesh's unit (scale=...)."
+            f"The wall of {size[0]:.0f} x {size[1]:.0f} x {size[2]:.0f} mm needs {np.prod(count.astype(float)):.2g} "
+            f"grid nodes at {spacing / MM:.2f} mm, the limit is {MAX_NODES:.2g}. Check the mesh's unit (scale=...)."
         )
     origin = 0.5 * (lower + upper) - spacing * (count - 1) / 2.0
 
     scene = WallScene(mesh)
     coarse = _find_coarse_triangles(scene, origin, cells + 1, 2.0 * spacing)
-    distance = np.empty(count)
-    _update_grid_distances(scene.surface, origin, spacing, FCL_BAND + spacing, coarse, distance)
+    rough = np.empty(tuple(cells + 1))
+    _update_coarse_distances(scene.surface, origin, 2.0 * spacing, coarse, rough)
+    distance = np.empty(tuple(count))
+    _update_fine_distances(scene.surface, origin, spacing, FCL_BAND, coarse, rough, distance)
     coefficient = scipy.ndimage.spline_filter(distance, order=2, output=np.float64, mode="mirror")
     rounded = np.ascontiguousarray(coefficient.astype(np.float32).astype(np.float64))
     return WallField(rounded, np.ascontiguousarray(origin, dtype=np.float64), np.array([spacing]))
 
 
 def _find_coarse_triangles(scene: WallScene, origin: FloatArray, shape: IntArray, spacing: float) -> IntArray:
-    """The nearest triangle at each coarse node: from fcl near the wall, by the nearest corner beyond."""
-    axes = [origin[axis] + spacing * np.arange(shape[axis]) for axis in range(3)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    tree = scipy.spatial.cKDTree(scene.surface.vertex)
-    gap, vertex = tree.query(points)
-    triangles = scene.surface.ring[scene.surface.ring_start[vertex]]
-    near = gap <= FCL_BAND
-    triangles[near] = scene.find_triangles(points[near])
-    return triangles.reshape(tuple(shape))
+    """A triangle for each coarse node: the nearest from fcl near the wall, beyond it that of the nearest such node."""
+    # Nodes next to a corner of the mesh or to a triangle's centre, then all nodes within the band of those.
+    surface = scene.surface
+    centre = surface.vertex[surface.face].mean(axis=1)
+    touched = np.zeros(tuple(shape), dtype=bool)
+    for points in (surface.vertex, centre):
+        touched[tuple(np.rint((points - origin) / spacing).astype(int).T)] = True
+    gap = scipy.ndimage.distance_transform_edt(~touched, sampling=spacing)
+    near = gap <= FCL_BAND + spacing
+    triangles = np.zeros(tuple(shape), dtype=np.int64)
+    triangles[near] = scene.find_triangles(origin + spacing * np.argwhere(near))
+    source = scipy.ndimage.distance_transform_edt(~near, return_distances=False, return_indices=True)
+    return np.ascontiguousarray(triangles[tuple(source)])
 
 
 @njit
-def _update_grid_distances(
-    surface: Surface, origin: FloatArray, spacing: float, band: float, coarse: IntArray, distance: FloatArray
+def _update_coarse_distances(
+    surface: Surface, origin: FloatArray, spacing: float, triangles: IntArray, distance: FloatArray
 ) -> None:
-    """Distance at every fine node: the best of its coarse neighbours' triangles, improved by a walk within the band."""
-    point = np.empty(3)
-    nearest = np.empty(3)
+    """Signed distance at every coarse node; the triangles are replaced by those at which the walks end."""
     normal = np.empty(3)
     nx, ny, nz = distance.shape
     for i in range(nx):
-        point[0] = origin[0] + spacing * i
+        x = origin[0] + spacing * i
         for j in range(ny):
-            point[1] = origin[1] + spacing * j
+            y = origin[1] + spacing * j
             for k in range(nz):
-                point[2] = origin[2] + spacing * k
+                z = origin[2] + spacing * k
+                triangle = compute_descended_triangle(surface, triangles[i, j, k], x, y, z)
+                triangles[i, j, k] = triangle
+                distance[i, j, k] = compute_signed_distance(surface, triangle, x, y, z, normal)
+
+
+@njit
+def _update_fine_distances(
+    surface: Surface,
+    origin: FloatArray,
+    spacing: float,
+    band: float,
+    coarse: IntArray,
+    rough: FloatArray,
+    distance: FloatArray,
+) -> None:
+    """Signed distance at every fine node: exact within the band, the mean of its coarse neighbours beyond it."""
+    normal = np.empty(3)
+    nx, ny, nz = distance.shape
+    for i in range(nx):
+        x = origin[0] + spacing * i
+        for j in range(ny):
+            y = origin[1] + spacing * j
+            for k in range(nz):
+                z = origin[2] + spacing * k
                 best = -1
                 best_square = np.inf
                 previous = -1
+                total = 0.0
+                count = 0
                 # an even index has one coarse neighbour (itself), an odd one two
+                for a in range(i // 2, (i + 1) // 2 + 1):
+                    for b in range(j // 2, (j + 1) // 2 + 1):
+                        for c in range(k // 2, (k + 1) // 2 + 1):
+                            total += rough[a, b, c]
+                            count += 1
+                if count == 1 or abs(total) > (band + spacing) * count:
+                    distance[i, j, k] = total / count
+                    continue
                 for a in range(i // 2, (i + 1) // 2 + 1):
                     for b in range(j // 2, (j + 1) // 2 + 1):
                         for c in range(k // 2, (k + 1) // 2 + 1):
                             triangle = coarse[a, b, c]
                             if triangle != previous:
                                 previous = triangle
-                                square = compute_square_distance(surface, triangle, point, nearest)
+                                square = compute_square_distance(surface, triangle, x, y, z)
                                 if square < best_square:
                                     best, best_square = triangle, square
-                if best_square < band * band:
-                    best = compute_descended_triangle(surface, best, point, nearest)
-                distance[i, j, k] = compute_signed_distance(surface, best, point, nearest, normal)
+                best = compute_descended_triangle(surface, best, x, y, z)
+                distance[i, j, k] = compute_signed_distance(surface, best, x, y, z, normal)

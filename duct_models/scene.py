@@ -84,7 +84,7 @@ class WallScene:
 def _update_exact_distances(
     surface: Surface, points: FloatArray, triangles: IntArray, distances: FloatArray, normals: FloatArray
 ) -> None:
-    nearest = np.empty(3)
     for index in range(points.shape[0]):
-        triangle = compute_descended_triangle(surface, triangles[index], points[index], nearest)
-        distances[index] = compute_signed_distance(surface, triangle, points[index], nearest, normals[index])
+        x, y, z = points[index, 0], points[index, 1], points[index, 2]
+        triangle = compute_descended_triangle(surface, triangles[index], x, y, z)
+        distances[index] = compute_signed_distance(surface, triangle, x, y, z, normals[index])

@@ -1,4 +1,4 @@
-"""A seeded generator of duct trees: smooth branch curves grown from the port, redrawn until they are a usable anatomy."""
+"""A seeded generator of duct trees: smooth curves grown from the port, redrawn until they are a usable anatomy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ IntArray = NDArray[np.int64]
 
 NODE_SPACING = 1.0 * MM
 SUBSTEPS = 8  # curve steps per node: chords follow a 15 mm bend within 0.2 um
-TAPER_LENGTH = 6.0 * MM  # over which a daughter narrows from its parent's radius to its own (prior)
+TAPER_LENGTH = 11.0 * MM  # over which a daughter narrows from its parent's radius to its own (prior)
+TAPER_SHARE = 0.75  # and the largest share of its length (prior)
 PLANE_JITTER = 12.0 * DEG  # daughters lie in one plane only nearly (prior)
 MOST_TRIES = 4000
 TARGET_CLEARANCE = 2.0 * MM  # lumens have parted this far before a target
@@ -202,7 +203,7 @@ class TreeGenerator:
 
         along = spacing * np.arange(count + extra + 1)
         first = parent.radius[-1] if parent is not None else radius
-        x = np.clip(along / TAPER_LENGTH, 0.0, 1.0)
+        x = np.clip(along / min(TAPER_LENGTH, TAPER_SHARE * length), 0.0, 1.0)
         profile = first + (radius - first) * x * x * (3.0 - 2.0 * x)
         start = parent.station[-1] if parent is not None else 0.0
         generation = parent.generation + 1 if parent is not None else 0

@@ -55,8 +55,8 @@ def build_wall_mesh(centreline: Centreline, spacing: float = MESH_SPACING) -> tr
         mesh.invert()
     if not mesh.is_watertight:
         raise GeometryError(
-            f"The wall of {len(mesh.faces)} triangles is not closed: the lumen radius {radius.min() / MM:.2f} mm is too "
-            f"small for a grid of {spacing / MM:.2f} mm. Choose a smaller spacing."
+            f"The wall of {len(mesh.faces)} triangles is not closed: the lumen radius {radius.min() / MM:.2f} mm is "
+            f"too small for a grid of {spacing / MM:.2f} mm. Choose a smaller spacing."
         )
     return mesh
 
