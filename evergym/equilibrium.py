@@ -19,6 +19,10 @@ from evergym.state import Scalar
 __all__ = ["Status", "solve_equilibrium"]
 
 LINE_SEARCH_MAX = 14
+DAMPING_MIN = 1e-2
+DAMPING_MAX = 1e6
+"""Range of the Levenberg damping, tried only after a line search that failed."""
+
 ROUND_OFF = 1e-13
 """Share of the energy's magnitude below which a change of it means nothing."""
 
@@ -279,9 +283,10 @@ def solve_equilibrium(parameters, state, command, ws, dt):  # type: ignore[no-un
         for b in range(3):
             ws.frame[0, a, b] = state.frame[0, a, b]
     status = 1
+    damping = 0.0
     for _ in range(parameters.numerics.iterations_max):
         state.scalar[Scalar.ITERATIONS] += 1.0
-        slope, mixed, tendon = sweep_back(n, ws)
+        slope, mixed, tendon = sweep_back(n, ws, damping)
         if not (math.isfinite(slope) and math.isfinite(energy)):
             return 2
         # The tendon joins all links: a rank-one term, by Sherman and Morrison from a second right-hand side.
@@ -307,12 +312,16 @@ def solve_equilibrium(parameters, state, command, ws, dt):  # type: ignore[no-un
                 break
             scale *= 0.5
         if not accepted:
-            # No step lowers the energy: it is a minimum to rounding, or the derivatives fail near a kink of the energy.
             energy, stretch, tension = _evaluate(
                 parameters, state, command, ws, state.bend, state.roll, state.position, state.frame, dt, True
             )
-            status = 0 if decrease <= parameters.numerics.energy_tolerance * 1e3 else 1
-            break
+            if decrease <= parameters.numerics.energy_tolerance * 1e3 or damping >= DAMPING_MAX:
+                # No step lowers the energy: it is a minimum to rounding, or the derivatives fail at a kink of the energy.
+                status = 0 if decrease <= parameters.numerics.energy_tolerance * 1e3 else 1
+                break
+            damping = max(10.0 * damping, DAMPING_MIN)
+            continue
+        damping = 0.1 * damping if damping > DAMPING_MIN else 0.0
         energy = trial
         stretch = trial_stretch
         tension = trial_tension

@@ -54,12 +54,13 @@ def _solve(l00, l10, l11, l20, l21, l22, b0, b1, b2):  # type: ignore[no-untyped
 
 
 @njit
-def sweep_back(n, ws):  # type: ignore[no-untyped-def]
+def sweep_back(n, ws, damping):  # type: ignore[no-untyped-def]
     """Overwrite the gains and steps of all links from the derivatives in the workspace.
 
     Args:
         n: Links in use.
         ws: `Workspace`; reads links, nodes and tendon, overwrites ``gain`` and ``feed_forward``.
+        damping: Levenberg's: every pivot is raised by this share of its link's stiffness; 0 for Newton's step.
 
     Returns:
         g H^-1 g, g H^-1 t and t H^-1 t, with g the gradient and t the tendon's path derivative.
@@ -188,6 +189,9 @@ def sweep_back(n, ws):  # type: ignore[no-untyped-def]
         t[5] += rx * t[1] - ry * t[0]
         t[6] += ws.tendon[j, 3]
         scale = max(hessian[0, 0], hessian[1, 1], hessian[2, 2])
+        if damping > 0.0:
+            for a in range(3):
+                quu[a, a] += damping * scale
         l00, l10, l11, l20, l21, l22 = _factor(quu, scale)
         w0, w1, w2 = _solve(l00, l10, l11, l20, l21, l22, u0, u1, u2)
         ws.feed_forward[j, 0, 0] = -w0

@@ -145,8 +145,9 @@ class Simulator:
         pressure: float = 0.0,
         tendon_pull: float = 0.0,
         roll: float = 0.0,
+        path: Array | None = None,
     ) -> Reading:
-        """Put the robot straight into the port, at rest and without slack, and return its reading.
+        """Put the robot into the port, at rest and without slack, and return its reading.
 
         Args:
             everted_length: Wall outside the port [m]; ignored without a sheath.
@@ -154,6 +155,7 @@ class Simulator:
             pressure: [Pa gauge].
             tendon_pull: [m].
             roll: Of the catheter [rad].
+            path: Points from the port on along which to lay the robot before it settles [m], shape (k, 3); None: straight.
 
         Raises:
             ConfigError: a length outside the robot's.
@@ -182,10 +184,20 @@ class Simulator:
         scalar[Scalar.PRESSURE] = pressure
         scalar[Scalar.ROLL] = roll
         self._command[:] = (0.0, 0.0, roll, tendon_pull, pressure, 0.0, 0.0, 0.0)
-        status = settle(self.parameters, self.state, self._command, self._workspace)
+        tangent = np.zeros((0, 3)) if path is None else self._sample_tangents(path)
+        status = settle(self.parameters, self.state, self._command, self._workspace, tangent)
         if status != 0:
             raise SimulationDiverged("The robot finds no equilibrium at reset. Check its start and the model's stiffnesses.")
         return self.reading
+
+    def _sample_tangents(self, path: Array) -> Array:
+        """Return the unit tangents of a polyline at every section [1], shape (n, 3)."""
+        step = np.diff(path, axis=0)
+        size = np.linalg.norm(step, axis=1)
+        middle = np.cumsum(size) - 0.5 * size
+        station = self.parameters.numerics.section_length * np.arange(self.state.length.shape[0] + 1)
+        tangent = np.stack([np.interp(station, middle, step[:, a] / size) for a in range(3)], axis=1)
+        return np.ascontiguousarray(tangent / np.linalg.norm(tangent, axis=1)[:, None])
 
     def advance(self, command: Command, duration: float) -> Reading:
         """Advance under a constant command and return the reading at the end.

@@ -262,14 +262,15 @@ def advance(parameters, state, backup, command, ws, duration, step):  # type: ig
 
 
 @njit
-def settle(parameters, state, command, ws):  # type: ignore[no-untyped-def]
-    """Place a robot of the state's lengths straight and let it find its shape, with nothing sliding or growing.
+def settle(parameters, state, command, ws, tangent):  # type: ignore[no-untyped-def]
+    """Place a robot of the state's lengths along a path and let it find its shape, with nothing sliding or growing.
 
     Args:
         parameters: `Parameters`.
         state: `State`; its scalars are given, the rest is overwritten.
         command: shape (8,).
         ws: `Workspace`.
+        tangent: Unit tangents at the nodes, shape (k, 3); none: straight.
 
     Returns:
         A `evergym.equilibrium.Status` code.
@@ -278,6 +279,16 @@ def settle(parameters, state, command, ws):  # type: ignore[no-untyped-def]
     state.links[0] = 1
     state.length[0] = max(scalar[Scalar.EVERTED_LENGTH], scalar[Scalar.CATHETER_LENGTH])
     _update_chain(parameters, state)
+    _place_chain(parameters, state, ws)
+    for j in range(min(state.links[0], tangent.shape[0] - 1)):
+        # Bend about the axis that turns this section's tangent into the next one's.
+        for a in range(2):
+            b = 1 - a
+            across = 0.0
+            for c in range(3):
+                across += state.frame[j, c, b] * tangent[j + 1, c]
+            state.bend[j, a] = math.asin(min(max(across, -1.0), 1.0)) * (-1.0 if a == 0 else 1.0)
+        _place_chain(parameters, state, ws)
     for i in range(state.links[0] + 1):
         state.roll[i] = scalar[Scalar.ROLL]
     scalar[Scalar.DRIVE_PULL] = command[3]
