@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from evergym.duct_models.duct import Duct, generate_duct
 from evergym.duct_models.family import FAMILIES
-from evergym.duct_models.user_mesh import load_duct
+from evergym.duct_models.importer import load_duct
 from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import DUCT_TERMS, ObservationTerm
 from evergym.envs.route import LumenRoute
 from evergym.envs.settings import EpisodeSettings, check_index, check_keys
 from evergym.errors import ConfigError
+from evergym.units import MM
 from evergym.world import World
 
 __all__ = ["MammobotDuctEnv"]
@@ -125,7 +126,8 @@ class MammobotDuctEnv(MammobotEnv):
     ## Options of ``reset``
 
     ``family``, ``index``, ``target`` (number of the duct's target), ``everted_length_mm``; or ``duct``: a ``Duct`` or
-    the path of a mesh in millimetres instead of family and index. Unknown keys raise ``ConfigError``.
+    the path of a mesh in millimetres (or of a ``duct.toml`` that names one and places it) instead of family and
+    index. Unknown keys raise ``ConfigError``.
 
     ## Versions
 
@@ -160,7 +162,7 @@ class MammobotDuctEnv(MammobotEnv):
                     raise ConfigError(
                         f"options has both 'duct' and {key!r}. Give either a duct or a family and an index."
                     )
-            duct, world = _place_duct(options["duct"])
+            duct, world = self._place_duct(options["duct"])
             family, index = str(duct.metadata.get("family", "")), int(duct.metadata.get("index", -1))
         else:
             family = options.get("family", self.family)
@@ -183,6 +185,20 @@ class MammobotDuctEnv(MammobotEnv):
         }
         return world, anatomy, duct
 
+    def _place_duct(self, given: Any) -> tuple[Duct, World]:
+        """Return a user's duct, given as an object or as a file, and its world."""
+        if isinstance(given, str | Path):
+            path = Path(given)
+            modified = path.stat().st_mtime_ns if path.exists() else 0
+            return _load_place(path, modified, self.model.robot.sheath_outer_diameter_mm * MM)
+        if not isinstance(given, Duct):
+            raise ConfigError(
+                f"options['duct'] is a {type(given).__name__}; it must be a Duct or the path of a mesh file."
+            )
+        if self._world is not None and given is self.duct:
+            return given, self._world
+        return given, World.duct(given)
+
     def _make_route(self, start: NDArray[np.float64]) -> LumenRoute:
         """Return the way to the selected target for a tip at ``start`` [m]."""
         return LumenRoute(self.duct.centreline, self.duct.targets[self.target_index].node, start)
@@ -195,10 +211,9 @@ def _build_place(family: str, index: int) -> tuple[Duct, World]:
     return duct, World.duct(duct)
 
 
-def _place_duct(given: Any) -> tuple[Duct, World]:
-    """Return a user's duct, given as an object or as a mesh file, and its world."""
-    if isinstance(given, str | Path):
-        given = load_duct(given)
-    if not isinstance(given, Duct):
-        raise ConfigError(f"options['duct'] is a {type(given).__name__}; it must be a Duct or the path of a mesh file.")
-    return given, World.duct(given)
+@lru_cache(maxsize=4)
+def _load_place(path: Path, modified: int, robot_diameter: float) -> tuple[Duct, World]:
+    """Return a user's duct and its world; ``modified`` is the file's time, so that an edited file is read again."""
+    del modified
+    duct = load_duct(path, robot_outer_diameter=robot_diameter)
+    return duct, World.duct(duct)

@@ -43,7 +43,7 @@ class _GoalEnv(MammobotEnv):
             raise ConfigError(f"goal_reward is {goal_reward!r}; it must be 'sparse' or 'dense'.")
         self.goal_reward = goal_reward
         # A step costs 1, so a failure must cost more than the steps it saves: the horizon of a discount of 0.99.
-        super().__init__(reward={"failure": _DISCOUNTED_HORIZON, **(reward or {})}, **arguments)  # type: ignore[call-arg]
+        super().__init__(reward={"failure": _DISCOUNTED_HORIZON, **(reward or {})}, **arguments)
         goal = spaces.Box(-1.0, 1.0, (self.goal_size,), np.float32)
         self.observation_space = spaces.Dict(
             {

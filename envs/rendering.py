@@ -50,14 +50,15 @@ class Renderer:
         # Without a display VTK tries X before EGL and warns of it, although all is well.
         verbosity = vtkLogger.GetCurrentVerbosityCutoff()
         vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-        self._pyvista: Any = pyvista
-        self._plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
+        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
         # Several lights and multisampling would double the time on a machine without a GPU.
-        self._plotter.add_light(pyvista.Light(light_type="headlight"))
-        self._plotter.render_window.SetMultiSamples(0)
-        self._plotter.background_color = _COLOUR["background"]
-        self._plotter.render()
+        plotter.add_light(pyvista.Light(light_type="headlight"))
+        plotter.render_window.SetMultiSamples(0)
+        plotter.background_color = _COLOUR["background"]
+        plotter.render()
         vtkLogger.SetStderrVerbosity(verbosity)
+        self._pyvista: Any = pyvista
+        self._plotter = plotter
         self._aspect = size[0] / size[1]
         self._scene: Any = None
         self._target: tuple[float, float, float] | None = None
