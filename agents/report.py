@@ -87,6 +87,7 @@ def write_report(folder: Path, *, pictures: bool = True) -> Path:
         trim_blocks=True,
     )
     environment.filters["percent"] = format_percent
+    environment.filters["points"] = format_points
     environment.filters["estimate"] = format_estimate
     environment.filters["p_value"] = format_p_value
     html = environment.get_template("report.html").render(
@@ -154,6 +155,11 @@ def format_percent(estimate: Estimate) -> str:
         return "-"
     text = f"{100 * estimate.value:.0f} %"
     return text if math.isnan(estimate.low) else f"{text} ({100 * estimate.low:.0f} to {100 * estimate.high:.0f})"
+
+
+def format_points(estimate: Estimate) -> str:
+    """``+12 (+3 to +21)`` percentage points."""
+    return format_estimate(Estimate(*(100.0 * value for value in estimate)), 0, sign=True)
 
 
 def format_estimate(estimate: Estimate, digits: int, sign: bool = False) -> str:

@@ -82,7 +82,7 @@ class Centreline:
         self._check()
 
     def _freeze(self, name: str, kind: type) -> None:
-        array = np.array(getattr(self, name), dtype=kind, order="C")
+        array: NDArray[np.generic] = np.array(getattr(self, name), dtype=kind, order="C")
         array.flags.writeable = False
         object.__setattr__(self, name, array)
 
@@ -151,7 +151,7 @@ class Centreline:
         bend[0] = 0.0
         for node in range(1, len(bend)):  # parents come before children
             bend[node] += bend[self.parent[node]]
-        return bend
+        return np.asarray(bend)
 
     def path_to(self, node: int) -> IntArray:
         """The nodes from the root to ``node``, both included, shape (k,)."""

@@ -19,7 +19,7 @@ from evergym.duct_models.tree import DuctTree, TreeGenerator
 from evergym.duct_models.wall import build_wall_mesh
 from evergym.units import DEG, MM
 
-__all__ = ["Duct", "Target", "generate_duct"]
+__all__ = ["Duct", "Target", "generate_duct", "make_targets"]
 
 FloatArray = NDArray[np.float64]
 

@@ -137,7 +137,7 @@ def compute_wall_distance(field: WallField, point: FloatArray, gradient: FloatAr
     excess_y = wanted_y - v
     excess_z = wanted_z - w
     if excess_x == 0.0 and excess_y == 0.0 and excess_z == 0.0:
-        return value
+        return float(value)
     excess = math.sqrt(excess_x * excess_x + excess_y * excess_y + excess_z * excess_z)
     for axis in range(3):
         if axis == 0:
@@ -151,7 +151,7 @@ def compute_wall_distance(field: WallField, point: FloatArray, gradient: FloatAr
             for other in range(3):
                 hessian[axis, other] = 0.0
                 hessian[other, axis] = 0.0
-    return value - excess * spacing
+    return float(value - excess * spacing)
 
 
 @njit

@@ -201,14 +201,16 @@ class TreeGenerator:
         end = frame.copy()
         _update_curve(curvature, step, end, position)
 
-        along = spacing * np.arange(count + extra + 1)
+        along = np.arange(count + extra + 1, dtype=np.float64) * spacing
         first = parent.radius[-1] if parent is not None else radius
         x = np.clip(along / min(TAPER_LENGTH, TAPER_SHARE * length), 0.0, 1.0)
         profile = first + (radius - first) * x * x * (3.0 - 2.0 * x)
         start = parent.station[-1] if parent is not None else 0.0
         generation = parent.generation + 1 if parent is not None else 0
         nodes = position[::SUBSTEPS]
-        return _Branch(number, generation, nodes, end, start + along, profile, azimuth, count if margin > 0.0 else -1)
+        return _Branch(
+            number, generation, nodes, end, np.asarray(start + along), profile, azimuth, count if margin > 0.0 else -1
+        )
 
     def _turn_is_plausible(self, branches: list[_Branch]) -> bool:
         """Cheap first look: stations of the targets."""

@@ -23,6 +23,7 @@ PORT_EXTENSION = 3.0 * MM  # straight lumen below the port, so that a robot at t
 MESH_SPACING = 0.5 * MM
 BLEND_LENGTH = 1.0 * MM  # how far the edge between two lumens is rounded (prior)
 SMOOTHING_STEPS = 6
+LEAST_CUT = 0.03  # of a cell: moves the wall by 15 um at most, before smoothing
 
 
 def build_wall_mesh(centreline: Centreline, spacing: float = MESH_SPACING) -> trimesh.Trimesh:
@@ -44,12 +45,15 @@ def build_wall_mesh(centreline: Centreline, spacing: float = MESH_SPACING) -> tr
     count = np.ceil((np.maximum(start, end).max(axis=0) + reach - origin) / spacing).astype(int) + 1
     depth = np.empty(count)
     _update_depth(start, end, radius, first, origin, spacing, BLEND_LENGTH, depth)
-    vertices, faces, _, _ = skimage.measure.marching_cubes(
-        depth, 0.0, spacing=(spacing,) * 3, gradient_direction="descent", allow_degenerate=False
+    # A wall that passes a grid node within a few hundredths of a cell makes slivers, or no triangle at all.
+    least = LEAST_CUT * spacing
+    depth[np.abs(depth) < least] = least
+    vertices, faces, _, _ = skimage.measure.marching_cubes(  # type: ignore[no-untyped-call]
+        depth, 0.0, spacing=(spacing,) * 3, gradient_direction="descent"
     )
-    mesh = trimesh.Trimesh(vertices.astype(np.float64) + origin, faces, process=True)
+    mesh = trimesh.Trimesh(vertices.astype(np.float64) + origin, faces, process=False)
     # Taubin's filter smooths the grid's pattern and the crease of each joint without shrinking the lumen.
-    trimesh.smoothing.filter_taubin(mesh, lamb=0.5, nu=0.53, iterations=SMOOTHING_STEPS)
+    trimesh.smoothing.filter_taubin(mesh, lamb=0.5, nu=0.53, iterations=SMOOTHING_STEPS)  # type: ignore[no-untyped-call]
     mesh = trimesh.Trimesh(np.array(mesh.vertices), np.array(mesh.faces), process=False)
     if mesh.volume < 0.0:
         mesh.invert()

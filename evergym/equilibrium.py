@@ -71,62 +71,66 @@ def _add_nodes(parameters, state, command, ws, position, frame, dt):  # type: ig
             for a in range(3):
                 energy -= command[5 + a] * position[i, a]
                 gradient[a] -= command[5 + a]
-        if touching:
-            energy += _add_touch(i, i == n, parameters, state, ws, position, frame, dt)
+    if touching:
+        energy += _add_contacts(parameters, state, ws, position, frame, dt)
     return energy
 
 
 @njit
-def _add_touch(i, is_tip, parameters, state, ws, position, frame, dt):  # type: ignore[no-untyped-def]
-    """Add contact and friction of node i to its derivatives, record the contact, and return its energy."""
-    # The contact of the tip is that of its rounded end, whose centre lies one radius back.
-    back = ws.contact_radius[i] if is_tip else 0.0
+def _add_contacts(parameters, state, ws, position, frame, dt):  # type: ignore[no-untyped-def]
+    """Add contact and friction to the nodes' derivatives, record the contacts, and return their energy [J]."""
     gradient = ws.contact_gradient
     hessian = ws.contact_hessian
     point = ws.point
-    for a in range(3):
-        point[a] = position[i, a] - back * frame[i, a, 2]
-    gradient[:] = 0.0
-    hessian[:] = 0.0
-    energy, depth, limit = add_contact(
-        parameters.world.has_wall,
-        parameters.world.wall,
-        parameters.world.pegs,
-        parameters.effects.duct_compliance,
-        parameters.effects.contact_friction,
-        point,
-        ws.contact_radius[i],
-        ws.tributary[i],
-        state.depth[i],
-        dt,
-        ws.gradient,
-        ws.hessian,
-        gradient,
-        hessian,
-    )
-    ws.depth[i] = depth
-    ws.friction_limit[i] = limit
-    for a in range(3):
-        ws.contact_force[i, a] = -gradient[a]
-    if is_tip:
-        stiffness = 0.0
+    n = state.links[0]
+    slip = parameters.effects.contact_friction.sliding_speed * dt
+    energy = 0.0
+    for i in range(1, n + 1):
+        # The contact of the tip is that of its rounded end, whose centre lies one radius back.
+        back = ws.contact_radius[i] if i == n else 0.0
         for a in range(3):
-            for b in range(3):
-                stiffness += frame[i, a, 2] * hessian[a, b] * frame[i, b, 2]
-        ws.tip_stiffness[0] = max(stiffness, 0.0)
-    if state.friction_limit[i] > 0.0:
-        slip = parameters.effects.contact_friction.sliding_speed * dt
-        energy += add_friction(
-            state.friction_limit[i], ws.normal[i], point, ws.reference[i], slip, gradient, hessian
+            point[a] = position[i, a] - back * frame[i, a, 2]
+        gradient[:] = 0.0
+        hessian[:] = 0.0
+        work, depth, limit = add_contact(
+            parameters.world.has_wall,
+            parameters.world.wall,
+            parameters.world.pegs,
+            parameters.effects.duct_compliance,
+            parameters.effects.contact_friction,
+            point,
+            ws.contact_radius[i],
+            ws.tributary[i],
+            state.depth[i],
+            dt,
+            ws.gradient,
+            ws.hessian,
+            gradient,
+            hessian,
         )
-    elif depth <= 0.0:
-        return energy
-    for a in range(3):
-        ws.node_gradient[i, a] += gradient[a]
-        for b in range(3):
-            ws.node_hessian[i, a, b] += hessian[a, b]
-    if is_tip:
-        _add_lever(back, frame[i], gradient, hessian, ws.node_gradient[i], ws.node_hessian[i])
+        energy += work
+        ws.depth[i] = depth
+        ws.friction_limit[i] = limit
+        for a in range(3):
+            ws.contact_force[i, a] = -gradient[a]
+        if i == n:
+            stiffness = 0.0
+            for a in range(3):
+                for b in range(3):
+                    stiffness += frame[i, a, 2] * hessian[a, b] * frame[i, b, 2]
+            ws.tip_stiffness[0] = max(stiffness, 0.0)
+        if state.friction_limit[i] > 0.0:
+            energy += add_friction(
+                state.friction_limit[i], ws.normal[i], point, ws.reference[i], slip, gradient, hessian
+            )
+        elif depth <= 0.0:
+            continue
+        for a in range(3):
+            ws.node_gradient[i, a] += gradient[a]
+            for b in range(3):
+                ws.node_hessian[i, a, b] += hessian[a, b]
+        if i == n:
+            _add_lever(back, frame[i], gradient, hessian, ws.node_gradient[i], ws.node_hessian[i])
     return energy
 
 
