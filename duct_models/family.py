@@ -22,6 +22,7 @@ ROOT_SEED = 2023_3234823  # of all families; the digits of the paper's doi
 SHEATH_DIAMETER = 3.0 * MM  # Wu et al. 2023, Table I
 SHEATH_DIAMETER_2021 = 3.2 * MM  # first-generation robot, Berthet-Rayne et al. 2021
 FIT = 1.3  # smallest lumen in robot diameters (prior)
+MESH_ALLOWANCE = 0.08 * MM  # facets and smoothing narrow a lumen by up to 0.05 mm of radius
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ _TRAIN = DuctFamily(
     end_margin=Range(4.0 * MM, 7.0 * MM),  # prior: the tip can reach and pass the target
     trunk_radius=Range(3.8 * MM, 4.4 * MM),  # 2.5-3 robot diameters near the first branches, Wu et al. 2023
     child_ratio=(Range(0.66, 0.71), Range(0.76, 0.86)),  # 0.65-0.99 per generation, VICTRE phantom
-    least_radius=0.5 * FIT * SHEATH_DIAMETER,
+    least_radius=0.5 * FIT * SHEATH_DIAMETER + MESH_ALLOWANCE,
     deviation=(Range(15.5 * DEG, 17.5 * DEG), Range(12.0 * DEG, 14.0 * DEG)),  # 25-75 deg between daughters (prior)
     asymmetry=Range(-0.1, 0.1),  # prior
     bend_radius=Range(28.0 * MM, 42.0 * MM),  # <= 10 mm at true scale, VICTRE; enlarged for the robot's 90 mm (prior)
@@ -130,7 +131,7 @@ _TRUE_SCALE = replace(
     leaf_length=Range(13.0 * MM, 18.0 * MM),  # as above
     trunk_radius=Range(2.4 * MM, 2.8 * MM),  # 2-3 mm diameter (Ramsay 2005, Geddes 2009), dilated to pass the robot
     child_ratio=(Range(0.80, 0.92), Range(0.88, 0.97)),  # 0.65-0.99 per generation, VICTRE phantom
-    least_radius=0.5 * FIT * SHEATH_DIAMETER_2021,
+    least_radius=0.5 * FIT * SHEATH_DIAMETER_2021 + MESH_ALLOWANCE,
     deviation=(Range(16.0 * DEG, 23.0 * DEG), Range(14.0 * DEG, 19.0 * DEG)),  # 30-70 deg between daughters (prior)
     bend_radius=Range(15.0 * MM, 25.0 * MM),  # the robot bends 12-25 1/m: 40-83 mm; the lumen gives the rest (prior)
     target_station=Range(29.0 * MM, 47.0 * MM),  # the 2021 robot grew 67 mm (Bath series)
