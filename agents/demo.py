@@ -9,7 +9,7 @@ from pathlib import Path
 
 import tyro
 
-from evergym.agents.env_factory import make_env
+from evergym.agents.env_factory import probe_env
 from evergym.agents.evaluation import Evaluate, evaluate, summarise_folder
 from evergym.agents.progress import format_duration
 from evergym.agents.run_folder import RunFolder
@@ -88,10 +88,7 @@ def run_plan(plan: DemoPlan, parent: Path, name: str, workers: int) -> int:
     begin = time.monotonic()
     settings, resumed = _choose_run(plan.training, parent, name)
     _announce(1, "prepare: compile the simulator and build a first duct")
-    env = make_env(plan.training.env, parse_options(plan.training.env_options))
-    env.reset(seed=0)
-    env.step(env.action_space.sample())
-    env.close()
+    probe_env(plan.training.env, parse_options(plan.training.env_options))
     folder = settings.folder or settings.resume
     assert folder is not None  # _choose_run sets one of them
     if resumed and _is_trained(folder):

@@ -17,7 +17,7 @@ from evergym.errors import ConfigError
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
-__all__ = ["make_env", "make_env_batch", "prepare_workers", "resolve_env_id"]
+__all__ = ["ignore_interrupts", "make_env", "make_env_batch", "prepare_workers", "probe_env", "resolve_env_id"]
 
 START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 """Never plain fork: torch and numba hold threads and locks that a forked child inherits in an undefined state."""
@@ -98,6 +98,20 @@ def ignore_interrupts() -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
+def probe_env(name: str, options: Mapping[str, Any]) -> None:
+    """Make an environment in this process and step it once, before workers do the same.
+
+    A wrong argument is then reported as such and not as a dead worker, and the kernels are compiled once for all
+    workers (they find them on disk) instead of once in each, at the same time.
+    """
+    env = make_env(name, options)
+    try:
+        env.reset(seed=0)
+        env.step(env.action_space.sample())
+    finally:
+        env.close()
+
+
 class _EnvMaker:
     """A picklable constructor for a worker process."""
 
@@ -112,7 +126,7 @@ class _EnvMaker:
 def make_env_batch(name: str, options: Mapping[str, Any], count: int) -> VecEnv:
     """Make environments for training, each in a process of its own (one alone stays in this process).
 
-    The first is also made here once, so that a wrong argument is reported as such and not as a dead worker.
+    One is probed here first, see `probe_env`.
     """
     from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecMonitor
 
@@ -120,6 +134,6 @@ def make_env_batch(name: str, options: Mapping[str, Any], count: int) -> VecEnv:
     makers: list[Callable[[], gymnasium.Env[Any, Any]]] = [_EnvMaker(resolved, options)] * count
     if count == 1:
         return VecMonitor(DummyVecEnv(makers))
-    make_env(resolved, options).close()
+    probe_env(resolved, options)
     prepare_workers("stable_baselines3.common.env_util", "evergym.agents.env_factory")
     return VecMonitor(SubprocVecEnv(makers, start_method=START_METHOD))

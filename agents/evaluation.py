@@ -17,7 +17,7 @@ import tyro
 
 from evergym.agents.arms import Arm, find_controller_arm, find_run_arm, make_policy
 from evergym.agents.code_fingerprint import fingerprint_code
-from evergym.agents.env_factory import ignore_interrupts, make_env, prepare_workers, resolve_env_id
+from evergym.agents.env_factory import ignore_interrupts, make_env, prepare_workers, probe_env, resolve_env_id
 from evergym.agents.episodes import EpisodeRecord, append_records, read_records, run_episode
 from evergym.agents.progress import ProgressReport
 from evergym.agents.run_folder import RunFolder
@@ -170,7 +170,7 @@ def _plan(settings: Evaluate) -> Evaluation:
         if reference != Evaluate.reference:  # asked for by name
             raise ConfigError(f"The reference '{reference}' is not among the arms{suggest(reference, names)}")
         reference = names[0]
-    make_env(env, parse_options(options)).close()  # a wrong argument is reported here, not by a worker
+    probe_env(env, parse_options(options))
     return Evaluation(resolve_env_id(env), options, settings.seed, reference, fingerprint_code(), arms)
 
 

@@ -76,7 +76,8 @@ class ProgressReport:
         speed = (self._done - self._done_before) / elapsed if elapsed > 0 else 0.0
         parts = [f"{self._done:,}/{self._total:,} {self._unit}"]
         left: list[float] = []
-        if speed > 0:
+        enough = 0.005 * (self._total - self._done_before)  # the first units say little: workers are starting
+        if speed > 0 and self._done - self._done_before >= enough:
             parts.append(f"{speed:,.0f}/s" if speed >= 10 else f"{speed:.2g}/s")
             left.append((self._total - self._done) / speed)
         if self._budget is not None:

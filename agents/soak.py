@@ -17,7 +17,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.agents.env_factory import ignore_interrupts, make_env, prepare_workers, resolve_env_id
+from evergym.agents.env_factory import ignore_interrupts, make_env, prepare_workers, probe_env, resolve_env_id
 from evergym.agents.progress import ProgressReport
 from evergym.agents.settings import parse_options
 from evergym.errors import ConfigError
@@ -153,7 +153,7 @@ class Soak:
     def _run_parts(self) -> dict[str, SoakResult]:
         names = [resolve_env_id(name) for name in self.envs]
         for name in names:
-            make_env(name, parse_options(self.env_options)).close()
+            probe_env(name, parse_options(self.env_options))
         per_env = math.ceil(self.steps / len(names))
         counts = [min(_CHUNK, per_env - start) for start in range(0, per_env, _CHUNK)]
         parts = [

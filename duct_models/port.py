@@ -134,7 +134,8 @@ def _find_round_end(voxels: LumenVoxels) -> Array:
     start = int(np.argmax(voxels.measure_ways(0, everywhere)))
     forth = find_skeleton(voxels, voxels.centre[start], everywhere)
     ways = [(forth, forth.path_to(int(leaf))) for leaf in forth.leaves]
-    # a way ends at the centre of the last ball but begins at the wall, so the first end is looked at from the other side
+    # a way ends at the centre of the last ball but begins at the wall, so the first end is looked at from the other
+    # side
     far = max(ways, key=lambda way: len(way[1]))[1][-1]
     back = find_skeleton(voxels, forth.position[far], everywhere)
     gap = np.linalg.norm(back.position[back.leaves] - voxels.centre[start], axis=1)
@@ -191,7 +192,8 @@ def extend_below_port(lumen: trimesh.Trimesh, source: str) -> tuple[trimesh.Trim
     if (scene.distance(behind)[0] >= 0.7 * radius).all():
         return lumen, False
     length = PORT_EXTENSION + radius + JOINING
-    tube = trimesh.creation.cylinder(0.99 * radius, length, sections=64)
+    # a polygon around the circle, so that the piece is nowhere narrower than the port
+    tube = trimesh.creation.cylinder(radius / math.cos(math.pi / 64), length, sections=64)
     tube.apply_translation([0.0, 0.0, JOINING - 0.5 * length])
     return unite([lumen, tube], source), True
 

@@ -11,10 +11,11 @@ import trimesh
 from numpy.typing import NDArray
 
 from evergym.duct_models.bodies import choose_lumen, split_bodies
+from evergym.duct_models.self_intersection import find_self_intersections
 from evergym.errors import GeometryError
 from evergym.units import MM
 
-__all__ = ["Opening", "RepairReport", "find_self_intersections", "repair_mesh"]
+__all__ = ["Opening", "RepairReport", "repair_mesh"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -253,28 +254,11 @@ def _load_tool(body: trimesh.Trimesh) -> pymeshfix.PyTMesh:
     return tool
 
 
-def find_self_intersections(mesh: trimesh.Trimesh) -> Array:
-    """Find the triangles that cut or overlap others of the same mesh.
-
-    Args:
-        mesh: Any mesh [m].
-
-    Returns:
-        Their centres [m], shape (k, 3).
-
-    Source: MeshFix (Attene 2010, doi 10.1007/s00371-010-0416-3), exact triangle tests.
-    """
-    tool = _load_tool(mesh)
-    faces = np.asarray(tool.select_intersecting_triangles())
-    if len(faces) == 0:
-        return np.empty((0, 3))
-    return np.asarray(np.asarray(tool.return_points())[faces.reshape(-1, 3)].mean(axis=1) * MM)
-
-
 def _remove_intersections(lumen: trimesh.Trimesh, report: RepairReport) -> trimesh.Trimesh:
-    places = find_self_intersections(lumen)
-    if len(places) == 0:
+    cutting = find_self_intersections(lumen)
+    if len(cutting) == 0:
         return lumen
+    places = lumen.triangles_center[cutting]
     centre = _text(places.mean(axis=0) / MM)
     report.found.append(f"{len(places)} triangles that intersect others, around {centre} mm")
     tool = _load_tool(lumen)

@@ -34,7 +34,7 @@ CENTRING_STEPS = 12
 JOINT = 1.5
 """How many depths of the parent a joint is moved back. Prior: generated ducts come back nearest with it."""
 END_SHARE = 0.95
-"""The end of a branch is cut back to where its depth is this share of that 1.5 mm before."""
+"""A branch ends where its depth has fallen to this share of what it was before."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +135,8 @@ def find_skeleton(voxels: LumenVoxels, port: Array, keep: NDArray[np.bool_]) -> 
         path = _trim(voxels, path)
         steps = np.linalg.norm(np.diff(voxels.centre[path], axis=0), axis=1)
         parent_depth = voxels.depth[path[0]]
+        if len(path) == 1:
+            continue
         if path[0] == root or steps.sum() - parent_depth >= max(SHORTEST_BRANCH, parent_depth):
             growing.add(path)
     if len(growing.position) < 3:
@@ -238,6 +240,7 @@ def _smooth(skeleton: Skeleton, voxels: LumenVoxels, is_bridge: NDArray[np.bool_
     count = len(parent)
     children = np.bincount(parent[1:], minlength=count)
     leaf = children == 0
+    before = np.maximum(parent, 0)
     # a diffusion of n steps with half weights spreads over sqrt(n / 2) nodes
     steps = max(1, round(2.0 * (SMOOTHING / voxels.spacing) ** 2))
     for round_ in range(CENTRING_STEPS):
@@ -253,7 +256,7 @@ def _smooth(skeleton: Skeleton, voxels: LumenVoxels, is_bridge: NDArray[np.bool_
         below = np.zeros_like(position)
         np.add.at(below, parent[1:], position[1:])
         end = np.where(leaf[:, None], position, below / np.maximum(children, 1)[:, None])
-        along = end - position[np.maximum(parent, 0)]
+        along = end - position[before]
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
         across = slope - (slope * along).sum(axis=1, keepdims=True) * along
         move = 0.25 * voxels.spacing * across
@@ -261,26 +264,43 @@ def _smooth(skeleton: Skeleton, voxels: LumenVoxels, is_bridge: NDArray[np.bool_
         move[is_bridge] = 0.0
         position += move
     depth, _ = voxels.evaluate_depth(position)
-    return _trim_ends(Skeleton(position, parent, depth))
+    return _straighten_ends(Skeleton(position, parent, depth), voxels)
 
 
-def _trim_ends(skeleton: Skeleton) -> Skeleton:
-    """Cut points off that run into the wall at the end of a branch, at most 3 mm of it."""
+def _straighten_ends(skeleton: Skeleton, voxels: LumenVoxels) -> Skeleton:
+    """Draw the last piece of each branch anew, straight on until the ball around its point touches the end.
+
+    The farthest voxel may lie in a corner of the end, and the way bends towards it over the last depth or so.
+    """
+    children = np.bincount(skeleton.parent[1:], minlength=len(skeleton.parent))
     keep = np.ones(len(skeleton.parent), dtype=bool)
+    pieces: list[tuple[int, Array]] = []
     for leaf in skeleton.leaves:
         path = skeleton.path_to(int(leaf))
-        steps = np.linalg.norm(np.diff(skeleton.position[path], axis=0), axis=1)
-        rest = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
-        children = np.bincount(skeleton.parent[1:], minlength=len(skeleton.parent))
-        for k in range(len(path) - 1, 1, -1):
-            back = int(np.searchsorted(-rest, -(rest[k] + 1.5 * MM)))
-            full = skeleton.depth[path[k]] >= END_SHARE * skeleton.depth[path[back]]
-            if full or rest[k] > 3.0 * MM or children[path[k - 1]] > 1 or rest[0] < 6.0 * MM:
-                break
-            keep[path[k]] = False
+        joint = int(np.flatnonzero((children[path] != 1) | (path == 0))[-2])
+        station = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(skeleton.position[path], axis=0), axis=1))])
+        cut = int(np.searchsorted(station, station[-1] - 1.2 * skeleton.depth[path[joint:]].max()))
+        base = int(np.searchsorted(station, station[cut] - 2.0 * MM))
+        if cut <= joint + 1 or base <= joint:
+            continue  # too short to know its direction
+        keep[path[cut + 1 :]] = False
+        start = skeleton.position[path[cut]]
+        direction = start - skeleton.position[path[base]]
+        direction /= np.linalg.norm(direction)
+        ahead = voxels.spacing * np.arange(1, 2 + int((station[-1] - station[cut] + 2.0 * MM) / voxels.spacing))
+        points = start + ahead[:, None] * direction
+        narrow = np.flatnonzero(voxels.evaluate_depth(points)[0] < END_SHARE * skeleton.depth[path[cut]])
+        pieces.append((int(path[cut]), points[: int(narrow[0])] if len(narrow) else points))
     number = np.cumsum(keep) - 1
-    parent = skeleton.parent[keep]
-    return Skeleton(skeleton.position[keep], np.where(parent < 0, -1, number[parent]), skeleton.depth[keep])
+    position, parent = [skeleton.position[keep]], [np.where(skeleton.parent < 0, -1, number[skeleton.parent])[keep]]
+    count = int(keep.sum())
+    for start_point, points in pieces:
+        if len(points):
+            position.append(points)
+            parent.append(np.concatenate([[number[start_point]], np.arange(count, count + len(points) - 1)]))
+            count += len(points)
+    everything = np.concatenate(position)
+    return Skeleton(everything, np.concatenate(parent), voxels.evaluate_depth(everything)[0])
 
 
 def make_centreline(

@@ -93,7 +93,7 @@ def _load_or_build(name: str, keys: tuple[str, ...], build: Callable[[], Arrays]
 
 def _read(path: Path, keys: tuple[str, ...]) -> Arrays | None:
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return {key: stored[key] for key in keys}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

@@ -120,7 +120,7 @@ def _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, dt):  #
     robot = parameters.robot
     area = math.pi * robot.sheath_radius**2
     length = scalar[Scalar.EVERTED_LENGTH]
-    feed_speed = 0.5 * (1.0 - effects.feed_limit.slip) * feed
+    taut_speed = 0.5 * (1.0 - effects.feed_limit.slip) * feed
     moving = scalar[Scalar.MOVING] > 0.0
     folding, loss, factor = _compute_resistance(parameters, state, length, feed, turn_angle, moving)
     driving = scalar[Scalar.PRESSURE] - (folding + loss) * factor - tip_force / area
@@ -131,7 +131,7 @@ def _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, dt):  #
     scalar[Scalar.MOVING] = 1.0 if driving > 0.0 else 0.0
     slack = scalar[Scalar.FED_LENGTH] - 2.0 * length
     material = 2.0 * robot.everted_length_max - scalar[Scalar.FED_LENGTH]
-    free_feed = min(2.0 * feed_speed * dt, material)
+    free_feed = max(min(feed * dt, material), 0.0)
     if driving <= 0.0:
         scalar[Scalar.FED_LENGTH] += free_feed
         scalar[Scalar.TAIL_TENSION] = 0.0
@@ -150,7 +150,7 @@ def _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, dt):  #
         scalar[Scalar.FED_LENGTH] += free_feed
         scalar[Scalar.TAIL_TENSION] = 0.0
     else:
-        growth = min(compute_taut_speed(effects.feed_limit, speed, feed_speed) * dt, 0.5 * max(material, 0.0))
+        growth = min(compute_taut_speed(effects.feed_limit, speed, taut_speed) * dt, 0.5 * max(material, 0.0))
         scalar[Scalar.FED_LENGTH] += 2.0 * growth
         # The tail takes up what the pressure could drive beyond the pace of the feed.
         scalar[Scalar.TAIL_TENSION] = 0.5 * driving * area * max(1.0 - growth / (speed * dt), 0.0)
