@@ -181,9 +181,11 @@ def update_eversion(parameters, state, command, ws, dt):  # type: ignore[no-unty
         return
     turn_angle = 0.0
     everted = scalar[Scalar.EVERTED_LENGTH]
+    start = 0.0
     for j in range(state.links[0]):
-        share = min(ws.cover[j, 0] / state.length[j], 1.0)
+        share = min(max(everted - start, 0.0) / state.length[j], 1.0)
         turn_angle += share * math.sqrt(state.bend[j, 0] ** 2 + state.bend[j, 1] ** 2)
+        start += state.length[j]
     n = state.links[0]
     tip_force = 0.0
     tip_stiffness = 0.0
