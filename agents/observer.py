@@ -1,0 +1,123 @@
+"""Reads an env's observation back into quantities, and turns commands into its actions, for scripted controllers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.envs.base import MammobotEnv
+from evergym.envs.observation import inverse_scales, term_slices
+from evergym.envs.route import WAY_DISTANCES
+from evergym.errors import ConfigError
+from evergym.units import MM
+
+__all__ = ["Observer", "Seen"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One observation in SI units."""
+
+    catheter_length: float
+    everted_length: float
+    slack: float
+    roll: float
+    tendon_pull: float
+    pressure: float
+    growth_rate: float
+    way_ahead: Array
+    """Points of the way in the tip's frame (tendon side, across, ahead), shape (k, 3)."""
+    distance_to_go: float
+    astray: bool
+    wall_force_max: float
+
+    def look_aside(self, distance: float) -> Array:
+        """Return how far the way lies aside of the tip's axis at a distance ahead, towards tendon and across [m], (2,)."""
+        aside = np.array([np.interp(distance, WAY_DISTANCES, self.way_ahead[:, a]) for a in range(2)])
+        return aside
+
+
+class Observer:
+    """What a scripted controller knows of an env: the layout of its observation, its drive's limits, its catalogue values.
+
+    Args:
+        env: A MammobotDuct or MammobotPegs environment, wrapped or not.
+
+    Raises:
+        ConfigError: another environment.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        base = env.unwrapped
+        if not isinstance(base, MammobotEnv):
+            raise ConfigError(
+                f"The scripted controllers drive MammobotDuct and MammobotPegs environments, not {type(base).__name__}."
+            )
+        self.task = "duct" if any(term.name == "astray" for term in base.terms) else "pegs"
+        self.control_step: float = base.settings.control_step_s
+        self.limits = base.drive.limits
+        self._slices = term_slices(base.terms)
+        self._scale = 1.0 / inverse_scales(base.terms, hide_map=False)
+        # The curvature that a pull gives, as on the robot's data sheet; what it really gives, the feedback finds out.
+        robot, effects = base.model.robot, base.model.effects
+        arm = robot.tendon_arm_mm * MM
+        stretch = robot.catheter_bending_stiffness_n_m2 * effects.tendon_stretch.compliance_mm_per_n * 1e-3 / arm
+        self._pull_per_curvature = arm * robot.catheter_flexible_length_mm * MM + stretch
+        self._lost_pull = (effects.tendon_backlash.backlash_mm + effects.tendon_backlash.lost_motion_mm) * MM
+        self._pre_curvature = effects.pre_curvature.curvature_1_per_m
+
+    def is_batch(self, observation: Any) -> bool:
+        """Return whether an observation is that of several envs."""
+        return self._array(observation).ndim == 2
+
+    def split(self, observation: Any) -> Array:
+        """Return the observations as rows, shape (n, size)."""
+        return np.atleast_2d(self._array(observation))
+
+    @staticmethod
+    def _array(observation: Any) -> Array:
+        return np.asarray(observation["observation"] if isinstance(observation, dict) else observation, np.float64)
+
+    def read(self, row: Array) -> Seen:
+        """Return one observation in SI units."""
+        values = row * self._scale
+        at = {name: values[place] for name, place in self._slices.items()}
+        everted = float(at["everted_length"][0])
+        return Seen(
+            catheter_length=everted + float(at["protrusion"][0]),
+            everted_length=everted,
+            slack=float(at["slack"][0]),
+            roll=math.atan2(float(at["roll"][0]), float(at["roll"][1])),
+            tendon_pull=float(at["tendon_pull"][0]),
+            pressure=float(at["pressure"][0]),
+            growth_rate=float(at["growth_rate"][0]),
+            way_ahead=at["way_ahead"].reshape(-1, 3),
+            distance_to_go=float(at["distance_to_go"][0]),
+            astray=bool("astray" in at and at["astray"][0] > 0.5),
+            wall_force_max=float(at["wall_force_max"][0]),
+        )
+
+    def find_pull(self, curvature: float) -> float:
+        """Return the tendon pull [m] for a curvature [1/m] of the free catheter."""
+        wanted = curvature - self._pre_curvature
+        if wanted <= 0.0:
+            return 0.0
+        return min(wanted * self._pull_per_curvature + self._lost_pull, self.limits.tendon_pull)
+
+    def make_action(self, insertion: float, roll_rate: float, pull: float, pressure: float) -> NDArray[np.float32]:
+        """Return the action that commands these SI values, clipped to the drive's limits."""
+        limits = self.limits
+        values = (
+            insertion / limits.insertion_velocity,
+            roll_rate / limits.roll_rate,
+            2.0 * pull / limits.tendon_pull - 1.0,
+            2.0 * pressure / limits.pressure - 1.0,
+        )
+        return np.clip(np.array(values, dtype=np.float32), -1.0, 1.0)
