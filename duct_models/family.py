@@ -101,22 +101,22 @@ _TRAIN = DuctFamily(
     name="train",
     spawn_key=1,
     robot_diameter=SHEATH_DIAMETER,
-    trunk_length=Range(8.0 * MM, 12.0 * MM),  # first branch 8.0 +- 5.5 mm from the nipple, Ramsay 2005
-    branch_length=Range(14.5 * MM, 17.5 * MM),  # 5-20 mm, suggested generator of the notes; long enough to part (prior)
-    leaf_length=Range(18.0 * MM, 21.0 * MM),  # as above
+    trunk_length=Range(7.5 * MM, 11.0 * MM),  # first branch 8.0 +- 5.5 mm from the nipple, Ramsay 2005
+    branch_length=Range(15.0 * MM, 18.0 * MM),  # 5-20 mm, suggested generator of the notes; long enough to part (prior)
+    leaf_length=Range(19.0 * MM, 22.0 * MM),  # as above
     end_margin=Range(4.0 * MM, 7.0 * MM),  # prior: the tip can reach and pass the target
-    trunk_radius=Range(3.8 * MM, 4.4 * MM),  # 2.5-3 robot diameters near the first branches, Wu et al. 2023
-    child_ratio=(Range(0.66, 0.71), Range(0.76, 0.86)),  # 0.65-0.99 per generation, VICTRE phantom
+    trunk_radius=Range(3.75 * MM, 4.2 * MM),  # 2.5-3 robot diameters near the first branches, Wu et al. 2023
+    child_ratio=(Range(0.65, 0.69), Range(0.76, 0.84)),  # 0.65-0.99 per generation, VICTRE phantom
     least_radius=0.5 * FIT * SHEATH_DIAMETER + MESH_ALLOWANCE,
-    deviation=(Range(15.5 * DEG, 17.5 * DEG), Range(12.0 * DEG, 14.0 * DEG)),  # 25-75 deg between daughters (prior)
+    deviation=(Range(14.0 * DEG, 16.5 * DEG), Range(11.0 * DEG, 13.0 * DEG)),  # 25-75 deg between daughters (prior)
     asymmetry=Range(-0.1, 0.1),  # prior
-    bend_radius=Range(28.0 * MM, 42.0 * MM),  # <= 10 mm at true scale, VICTRE; enlarged for the robot's 90 mm (prior)
-    tortuosity=Range(0.3, 1.0),  # prior [1/m]
+    bend_radius=Range(30.0 * MM, 44.0 * MM),  # <= 10 mm at true scale, VICTRE; enlarged for the robot's 90 mm (prior)
+    tortuosity=Range(0.2, 0.7),  # prior [1/m]
     wave_length=Range(16.0 * MM, 30.0 * MM),  # prior
     twist=Range(60.0 * DEG, 120.0 * DEG),  # uniform plane rotation (prior), without the planes in which branches meet
-    early_leaf=0.1,  # prior: tree depth varies within a lobe, Going & Mohun 2006
+    early_leaf=0.1,  # prior
     target_station=Range(36.0 * MM, 50.0 * MM),  # the robot stalls at 73-76 mm on the straight, Wu et al. 2023; prior
-    turn_limit=32.0 * DEG,  # 32 degrees in 50 mm at full tendon pull, Wu et al. 2023, Fig. 10
+    turn_limit=30.0 * DEG,  # the robot turns 32 degrees in 50 mm at full tendon pull, Wu et al. 2023, Fig. 10
     target_separation=6.0 * MM,  # more than the 5 mm within which a target counts as reached
     wall_gap=0.3 * MM,  # prior
 )

@@ -24,6 +24,7 @@ SUBSTEPS = 8  # curve steps per node: chords follow a 15 mm bend within 0.2 um
 TAPER_LENGTH = 11.0 * MM  # over which a daughter narrows from its parent's radius to its own (prior)
 TAPER_SHARE = 0.75  # and the largest share of its length (prior)
 PLANE_JITTER = 12.0 * DEG  # daughters lie in one plane only nearly (prior)
+LEAST_RATIO, MOST_RATIO = 0.65, 0.99  # of a daughter's radius to its parent's: VICTRE phantom
 MOST_TRIES = 4000
 TARGET_CLEARANCE = 2.0 * MM  # lumens have parted this far before a target
 
@@ -151,7 +152,8 @@ class TreeGenerator:
                 if len(branches) == early:  # it makes up for the branches it does not have
                     length += 0.8 * family.branch_length.draw(random)
                 azimuth = plane + (0.0 if side > 0.0 else math.pi) + random.uniform(-PLANE_JITTER, PLANE_JITTER)
-                radius = max(parent.radius[-1] * ratio * (1.0 + 0.5 * side * narrowing), family.least_radius)
+                share = min(max(ratio * (1.0 + 0.5 * side * narrowing), LEAST_RATIO), MOST_RATIO)
+                radius = max(parent.radius[-1] * share, family.least_radius)
                 margin = family.end_margin.draw(random) if is_leaf else 0.0
                 child = self._draw_branch(
                     parent, number, parent.frame, length, margin, deviation * (1.0 + side * skew), radius, azimuth
