@@ -17,7 +17,14 @@ from evergym.envs.pegs import MammobotPegsEnv
 from evergym.errors import ConfigError, GeometryError
 from evergym.units import MM
 
-__all__ = ["GOAL_SCALE", "LUMEN_COORDINATES", "MammobotDuctGoalEnv", "MammobotPegsGoalEnv", "compute_lumen_coordinates"]
+__all__ = [
+    "GOAL_SCALE",
+    "LUMEN_COORDINATES",
+    "MammobotDuctGoalEnv",
+    "MammobotPegsGoalEnv",
+    "compute_lumen_coordinates",
+    "measure_tree",
+]
 
 GOAL_SCALE = 150.0 * MM
 """Length that a goal shows as 1 [m]: more than the robot can grow, so nothing it reaches is clipped."""
@@ -173,7 +180,7 @@ class MammobotDuctGoalEnv(_GoalEnv, MammobotDuctEnv):
     def _lumen_coordinates(self, location: Location) -> list[float]:
         centreline = self.duct.centreline
         if centreline is not getattr(self, "_tree_of", None):
-            self._tree = _measure_tree(centreline, self.duct.name)
+            self._tree = measure_tree(centreline, self.duct.name)
             self._tree_of = centreline
         return compute_lumen_coordinates(self._tree, location)
 
@@ -200,7 +207,7 @@ def compute_lumen_coordinates(tree: Tree, location: Location) -> list[float]:
     return coordinates
 
 
-def _measure_tree(centreline: Centreline, name: str) -> Tree:
+def measure_tree(centreline: Centreline, name: str) -> Tree:
     """Return, for every branch, its coordinate, the station where it begins and the coordinates of that point."""
     parent, branch, station = centreline.parent.tolist(), centreline.branch.tolist(), centreline.station.tolist()
     tree: Tree = {}

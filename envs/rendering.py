@@ -20,6 +20,8 @@ SIZE = (480, 360)
 """Width and height of a frame in pixels."""
 FORCE_LENGTH = 20 * MM
 """Length that a contact force of one newton is drawn with [m/N]."""
+CONTACT_LENGTH = 1 * MM
+"""Length that is added to it, so that a light touch is seen as well [m]."""
 PEG_REACH = 6 * MM
 """How far pegs are drawn above and below the port [m]; they have no ends."""
 
@@ -106,7 +108,7 @@ class Renderer:
             cylinder = self._pyvista.Cylinder(
                 center=peg[:3], direction=peg[3:6], radius=peg[6], height=2.0 * PEG_REACH, resolution=48
             )
-            self._add(cylinder, "peg", split_sharp_edges=True)
+            self._add(cylinder, "peg", split_sharp_edges=True, opacity=0.65)
         self._add(self._pyvista.lines_from_points(field.way), "way", line_width=1, lighting=False)
         margin = np.array((3 * MM, PEG_REACH, 3 * MM))
         feet = field.pegs[:, :3] * (1.0, 0.0, 1.0)
@@ -140,7 +142,11 @@ class Renderer:
         points = shape.position[shape.in_sheath]
         self._update("sheath", *_sweep_tube(points, 0.5 * robot.sheath_outer_diameter_mm * MM), opacity=0.45)
         contacts = simulator.contacts()
-        ends = np.concatenate([contacts.position, contacts.position + FORCE_LENGTH * contacts.force])
+        size = np.linalg.norm(contacts.force, axis=1, keepdims=True)
+        # A force is drawn as it acts on the wall: outwards from where the robot's surface touches it.
+        outwards = -contacts.force / np.maximum(size, 1e-12)
+        foot = contacts.position + 0.5 * robot.sheath_outer_diameter_mm * MM * outwards
+        ends = np.concatenate([foot, foot + (CONTACT_LENGTH + FORCE_LENGTH * size) * outwards])
         count = len(contacts.position)
         lines = np.stack([np.full(count, 2), np.arange(count), np.arange(count) + count], axis=1)
         self._update("contact", ends, lines.ravel(), line_width=4, lighting=False)
