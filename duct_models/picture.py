@@ -51,7 +51,13 @@ def _add_duct(plotter: Any, duct: Duct) -> None:
     for target in duct.targets:
         plotter.add_mesh(pyvista.Sphere(radius=1.0, center=target.position / MM), color="#2f9e44")
         plotter.add_point_labels(
-            [target.position / MM], [f"{target.station / MM:.0f} mm"], font_size=12, shape=None, show_points=False
+            target.position[None] / MM,
+            [f"{target.station / MM:.0f} mm"],
+            font_size=14,
+            text_color="black",
+            shape=None,
+            show_points=False,
+            always_visible=True,
         )
     plotter.add_mesh(pyvista.Sphere(radius=1.0, center=(0.0, 0.0, 0.0)), color="#1c7ed6")
 
