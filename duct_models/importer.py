@@ -179,8 +179,9 @@ def _find_targets(centreline: Centreline, order: _Order) -> tuple[NDArray[np.int
         where = centreline.station[way[-1]]
         if len(narrow):
             width = 2.0 * float(centreline.radius[narrow].min())
-            # the message shows the first place that does not fit, the advice heeds the narrowest
-            scale = math.ceil(100.0 * order.scale * needed / width) / 100.0
+            # the message shows the first place that does not fit; the advice heeds the narrowest, and that the scaled
+            # mesh's centreline will be another one, by a fraction of a voxel
+            scale = math.ceil(100.0 * order.scale * 1.01 * needed / width) / 100.0
             node = int(narrow[0])
             first.append(float(centreline.station[node]))
             reasons.append(

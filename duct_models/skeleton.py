@@ -30,11 +30,11 @@ SHORTEST_BRANCH = 3.0 * MM
 """A branch must protrude this far, and one depth of its parent, out of its parent's lumen [m]. Prior."""
 SMOOTHING = 1.2 * MM
 """Length over which the voxels' staircase is smoothed [m]; in a bend of 30 mm radius it cuts the corner by 0.02 mm."""
-CENTRING_STEPS = 12
+CENTRING_STEPS = 16
 JOINT = 1.5
 """How many depths of the parent a joint is moved back. Prior: generated ducts come back nearest with it."""
-END_SHARE = 0.95
-"""A branch ends where its depth has fallen to this share of what it was before."""
+END_SHARE = 0.9
+"""A branch ends at its farthest voxel with this share of the depth of the deepest one near by."""
 
 
 @dataclass(frozen=True)
@@ -124,19 +124,16 @@ def find_skeleton(voxels: LumenVoxels, port: Array, keep: NDArray[np.bool_]) -> 
     tree = scipy.spatial.cKDTree(voxels.centre)
     while open_ends.any():
         tip = int(np.argmax(np.where(open_ends, length, -1.0)))
-        path = [tip]
-        while path[-1] not in growing.point_of:
-            path.append(int(before[path[-1]]))
-        path.reverse()
+        path = growing.trace(tip, before)
         reach = EXPLAINED * voxels.depth[path] + 2.0 * voxels.spacing
         for found in tree.query_ball_point(voxels.centre[path], reach):
             open_ends[found] = False
         open_ends[tip] = False
-        path = _trim(voxels, path)
-        steps = np.linalg.norm(np.diff(voxels.centre[path], axis=0), axis=1)
-        parent_depth = voxels.depth[path[0]]
+        path = growing.trace(_find_end(voxels, path, length, tree), before)
         if len(path) == 1:
             continue
+        steps = np.linalg.norm(np.diff(voxels.centre[path], axis=0), axis=1)
+        parent_depth = voxels.depth[path[0]]
         if path[0] == root or steps.sum() - parent_depth >= max(SHORTEST_BRANCH, parent_depth):
             growing.add(path)
     if len(growing.position) < 3:
@@ -158,6 +155,13 @@ class _GrowingTree:
         self.is_bridge = [False]
         self.point_of = {root: 0}
         self._voxels = voxels
+
+    def trace(self, voxel: int, before: Indices) -> list[int]:
+        """Follow a voxel's predecessors to the tree: the voxels of that way, the tree's first."""
+        path = [voxel]
+        while path[-1] not in self.point_of:
+            path.append(int(before[path[-1]]))
+        return path[::-1]
 
     def add(self, path: list[int]) -> None:
         """Add a way that begins at a voxel of the tree.
@@ -222,12 +226,25 @@ class _GrowingTree:
         return start
 
 
-def _trim(voxels: LumenVoxels, path: list[int]) -> list[int]:
-    """Cut a path off at the centre of the last ball that fits into the end of the lumen."""
+def _find_end(voxels: LumenVoxels, path: list[int], length: Array, tree: scipy.spatial.cKDTree) -> int:
+    """Find the voxel at the centre of the last ball that fits into the end of the lumen.
+
+    The farthest voxel lies at the wall, often in a corner, and the way to it leaves the axis before.
+    """
     points = voxels.centre[path]
     rest = np.concatenate([np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)[::-1])[::-1], [0.0]])
-    touching = np.flatnonzero(voxels.depth[path] + voxels.spacing >= rest)
-    return path[: int(touching[0]) + 1]
+    centre = path[int(np.flatnonzero(voxels.depth[path] + voxels.spacing >= rest)[0])]
+    while True:
+        near = np.array(tree.query_ball_point(voxels.centre[centre], voxels.depth[centre] + voxels.spacing))
+        near = near[np.isfinite(length[near])]
+        deepest = int(near[int(np.argmax(voxels.depth[near]))])
+        # out of a corner the depth grows by 40 % a step, up a tapering branch by the sine of the taper only
+        if voxels.depth[deepest] < 1.1 * voxels.depth[centre]:
+            break
+        centre = deepest
+    deep = near[voxels.depth[near] >= END_SHARE * voxels.depth[near].max()]
+    last = deep[length[deep] >= length[deep].max() - 0.75 * voxels.spacing]
+    return int(last[int(np.argmax(voxels.depth[last]))])
 
 
 def _smooth(skeleton: Skeleton, voxels: LumenVoxels, is_bridge: NDArray[np.bool_]) -> Skeleton:
@@ -259,48 +276,12 @@ def _smooth(skeleton: Skeleton, voxels: LumenVoxels, is_bridge: NDArray[np.bool_
         along = end - position[before]
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
         across = slope - (slope * along).sum(axis=1, keepdims=True) * along
-        move = 0.25 * voxels.spacing * across
+        move = (0.5 - 0.4 * round_ / CENTRING_STEPS) * voxels.spacing * across
         move[0] = 0.0
         move[is_bridge] = 0.0
         position += move
     depth, _ = voxels.evaluate_depth(position)
-    return _straighten_ends(Skeleton(position, parent, depth), voxels)
-
-
-def _straighten_ends(skeleton: Skeleton, voxels: LumenVoxels) -> Skeleton:
-    """Draw the last piece of each branch anew, straight on until the ball around its point touches the end.
-
-    The farthest voxel may lie in a corner of the end, and the way bends towards it over the last depth or so.
-    """
-    children = np.bincount(skeleton.parent[1:], minlength=len(skeleton.parent))
-    keep = np.ones(len(skeleton.parent), dtype=bool)
-    pieces: list[tuple[int, Array]] = []
-    for leaf in skeleton.leaves:
-        path = skeleton.path_to(int(leaf))
-        joint = int(np.flatnonzero((children[path] != 1) | (path == 0))[-2])
-        station = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(skeleton.position[path], axis=0), axis=1))])
-        cut = int(np.searchsorted(station, station[-1] - 1.2 * skeleton.depth[path[joint:]].max()))
-        base = int(np.searchsorted(station, station[cut] - 2.0 * MM))
-        if cut <= joint + 1 or base <= joint:
-            continue  # too short to know its direction
-        keep[path[cut + 1 :]] = False
-        start = skeleton.position[path[cut]]
-        direction = start - skeleton.position[path[base]]
-        direction /= np.linalg.norm(direction)
-        ahead = voxels.spacing * np.arange(1, 2 + int((station[-1] - station[cut] + 2.0 * MM) / voxels.spacing))
-        points = start + ahead[:, None] * direction
-        narrow = np.flatnonzero(voxels.evaluate_depth(points)[0] < END_SHARE * skeleton.depth[path[cut]])
-        pieces.append((int(path[cut]), points[: int(narrow[0])] if len(narrow) else points))
-    number = np.cumsum(keep) - 1
-    position, parent = [skeleton.position[keep]], [np.where(skeleton.parent < 0, -1, number[skeleton.parent])[keep]]
-    count = int(keep.sum())
-    for start_point, points in pieces:
-        if len(points):
-            position.append(points)
-            parent.append(np.concatenate([[number[start_point]], np.arange(count, count + len(points) - 1)]))
-            count += len(points)
-    everything = np.concatenate(position)
-    return Skeleton(everything, np.concatenate(parent), voxels.evaluate_depth(everything)[0])
+    return Skeleton(position, parent, depth)
 
 
 def make_centreline(
