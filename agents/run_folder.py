@@ -26,6 +26,7 @@ from pathlib import Path
 
 import tomli_w
 
+from evergym.agents.code_fingerprint import fingerprint_code
 from evergym.agents.settings import TrainSettings, read_settings, write_settings
 from evergym.agents.suggest import suggest
 from evergym.errors import RunError
@@ -39,6 +40,7 @@ def collect_versions() -> dict[str, str]:
     """Versions of Python, the platform and the packages on which a result depends."""
     names = ("evergym", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "sb3-contrib", "torch")
     versions = {"python": platform.python_version(), "platform": platform.platform()}
+    versions["evergym code"] = fingerprint_code()
     for name in names:
         try:
             versions[name] = importlib.metadata.version(name)

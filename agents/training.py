@@ -13,9 +13,10 @@ the checkpoint before it:
 - a segment ends between two updates, at the first one at which `checkpoint_interval` steps have been taken;
 - schedules depend on the global step and on `total_steps`.
 
-What a killed run did after its last checkpoint is trained again. The promise holds on the same machine and versions
-(another torch or processor may round differently) and on the CPU. Raising `total_steps` of a finished run continues it,
-but its last segment was cut at the old end, so it is not the run that would have had the higher number from the start.
+What a killed run did after its last checkpoint is trained again. The promise holds on the CPU, on the same machine
+(another processor may round differently), with the same versions and the same code of evergym; resuming tells what
+has changed. Raising `total_steps` of a finished run continues it, but its last segment was cut at the old end, so it is not the run
+that would have had the higher number from the start.
 """
 
 from __future__ import annotations
@@ -136,7 +137,7 @@ def _merge_settings(given: TrainSettings, folder: RunFolder) -> TrainSettings:
     changed = find_changed_versions(folder)
     if changed:
         print(
-            f"Note: the result may differ in the last bits, since versions changed: {', '.join(changed)}.",
+            f"Note: the continued run is not exactly the same, as this changed: {', '.join(changed)}.",
             file=sys.stderr,
         )
     if changes:

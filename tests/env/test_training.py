@@ -42,7 +42,9 @@ def make_settings(folder: Path, **changes: object) -> TrainSettings:
         checkpoint_interval=128,
         learning_rate_schedule=LearningRateSchedule.LINEAR,
         ppo=PpoSettings(rollout_steps=64, batch_size=32, epochs=2),
-        off_policy=OffPolicySettings(buffer_size=1000, learning_starts=100, batch_size=16),
+        off_policy=OffPolicySettings(
+            buffer_size=1000, learning_starts=100, batch_size=16, train_interval=4, gradient_steps=2
+        ),
         folder=folder,
     )
     return dataclasses.replace(small, **changes)  # type: ignore[arg-type]
@@ -90,28 +92,42 @@ def test_stopped_and_resumed_run_has_the_same_bits(tmp_path: Path, algorithm: Al
     assert RunFolder.open(tmp_path / "parts").latest().progress.step == 128  # stopped at the first checkpoint
     train(TrainSettings(resume=tmp_path / "parts", time_budget_min=60.0))
     assert_same_run(tmp_path / "whole", tmp_path / "parts")
-    train(make_settings(tmp_path / "other", algorithm=algorithm, seed=1, total_steps=128))
-    name = next(name for name in read_tensors(tmp_path / "whole") if name.endswith("weight"))
-    assert not torch.equal(read_tensors(tmp_path / "whole")[name], read_tensors(tmp_path / "other")[name])
+
+
+def test_another_seed_is_another_run(tmp_path: Path) -> None:
+    for seed in (0, 1):
+        train(make_settings(tmp_path / f"seed{seed}", seed=seed, total_steps=128))
+    first, second = (read_tensors(tmp_path / f"seed{seed}") for seed in (0, 1))
+    name = next(name for name in first if name.endswith("weight"))
+    assert not torch.equal(first[name], second[name])
+
+
+def test_resume_says_what_has_changed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "run"
+    train(make_settings(folder, total_steps=128))
+    versions = folder / "versions.toml"
+    versions.write_text(versions.read_text().replace(torch.__version__, "0.1"))
+    train(TrainSettings(resume=folder, total_steps=256))
+    assert f"as this changed: torch 0.1 -> {torch.__version__}." in capsys.readouterr().err
 
 
 def test_killed_and_resumed_run_has_the_same_bits(tmp_path: Path) -> None:
-    settings = make_settings(tmp_path / "whole", env_count=2, total_steps=3840, checkpoint_interval=640)
+    settings = make_settings(tmp_path / "whole", env_count=2, total_steps=2560, checkpoint_interval=512)
     train(settings)
-    words = f"train --env {ENV} --total-steps 3840 --env-count 2 --hidden 8 --checkpoint-interval 640"
+    words = f"train --env {ENV} --total-steps 2560 --env-count 2 --hidden 8 --checkpoint-interval 512"
     words += " --learning-rate-schedule linear --ppo.rollout-steps 64 --ppo.batch-size 32 --ppo.epochs 2"
     command = [sys.executable, "-m", "evergym.agents.cli", *words.split(), "--folder", str(tmp_path / "killed")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(SUPPORT), *sys.path])}
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     checkpoints = tmp_path / "killed" / "checkpoints"
     deadline = time.monotonic() + 60.0
-    while not (checkpoints / "000001280").exists() and process.poll() is None and time.monotonic() < deadline:
+    while not (checkpoints / "000001024").exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     _, errors = process.communicate()
     assert process.returncode == -signal.SIGKILL, errors.decode()
     reached = RunFolder.open(tmp_path / "killed").latest().progress.step
-    assert 1280 <= reached < 3840
+    assert 1024 <= reached < 2560
     (checkpoints / ".partial-000009999").mkdir()  # what a kill in the middle of a checkpoint leaves behind
     assert main(["train", "--resume", str(tmp_path / "killed")]) == 0
     assert not (checkpoints / ".partial-000009999").exists()
@@ -167,7 +183,7 @@ def test_dead_environment_process_is_reported(tmp_path: Path) -> None:
 
 def test_training_improves_the_policy(tmp_path: Path) -> None:
     settings = make_settings(
-        tmp_path / "run", total_steps=8192, checkpoint_interval=4096, learning_rate=2e-3, hidden=(32,)
+        tmp_path / "run", total_steps=3584, checkpoint_interval=2048, learning_rate=2e-3, hidden=(32,)
     )
     points = read_curve(train(dataclasses.replace(settings, ppo=PpoSettings(512, 128, 10))).curve)
     early = np.nanmean([point.return_mean for point in points[:3]])
