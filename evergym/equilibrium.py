@@ -16,7 +16,7 @@ from evergym.links import add_springs, place_link
 from evergym.riccati import sweep_back
 from evergym.state import Scalar
 
-__all__ = ["Status", "solve_equilibrium"]
+__all__ = ["Status", "add_contacts", "solve_equilibrium"]
 
 LINE_SEARCH_MAX = 14
 DAMPING_MIN = 1e-2
@@ -72,12 +72,12 @@ def _add_nodes(parameters, state, command, ws, position, frame, dt):  # type: ig
                 energy -= command[5 + a] * position[i, a]
                 gradient[a] -= command[5 + a]
     if touching:
-        energy += _add_contacts(parameters, state, ws, position, frame, dt)
+        energy += add_contacts(parameters, state, ws, position, frame, dt)
     return energy
 
 
 @njit
-def _add_contacts(parameters, state, ws, position, frame, dt):  # type: ignore[no-untyped-def]
+def add_contacts(parameters, state, ws, position, frame, dt):  # type: ignore[no-untyped-def]
     """Add contact and friction to the nodes' derivatives, record the contacts, and return their energy [J]."""
     gradient = ws.contact_gradient
     hessian = ws.contact_hessian

@@ -134,7 +134,7 @@ class Simulator:
         links = int(np.ceil(reach / self.parameters.numerics.section_length)) + 2
         self.state = create_state(links)
         self._backup = create_state(links)
-        self._workspace = create_workspace(links)
+        self.workspace = create_workspace(links)
         self._command = np.zeros(8)
         self.reset()
 
@@ -185,7 +185,7 @@ class Simulator:
         scalar[Scalar.ROLL] = roll
         self._command[:] = (0.0, 0.0, roll, tendon_pull, pressure, 0.0, 0.0, 0.0)
         tangent = np.zeros((0, 3)) if path is None else self._sample_tangents(path)
-        status = settle(self.parameters, self.state, self._command, self._workspace, tangent)
+        status = settle(self.parameters, self.state, self._command, self.workspace, tangent)
         if status != 0:
             raise SimulationDiverged("The robot finds no equilibrium at reset. Check its start and the model's stiffnesses.")
         return self.reading
@@ -221,7 +221,7 @@ class Simulator:
         if not (np.isfinite(row).all() and 0.0 < duration < np.inf):
             raise ConfigError(f"A command and its duration must be finite, the duration positive: got {command}, {duration} s.")
         status = advance(
-            self.parameters, self.state, self._backup, row, self._workspace, duration, self.numerics.step_s
+            self.parameters, self.state, self._backup, row, self.workspace, duration, self.numerics.step_s
         )
         if status != 0:
             kind = "its energy is not finite" if status == 2 else "the solver found no equilibrium"
