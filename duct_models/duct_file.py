@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from evergym.errors import GeometryError
-from evergym.units import MM
+from evergym.units import DEG, MM
 
 __all__ = ["read_duct_file"]
 
@@ -19,9 +19,10 @@ _KEYS = {
     "scale": float,
     "port_mm": list,
     "direction": list,
+    "roll_deg": float,
     "robot_outer_diameter_mm": float,
 }
-_TABLES = {"pose": ("port_mm", "direction")}
+_TABLES = {"pose": ("port_mm", "direction", "roll_deg")}
 
 
 def read_duct_file(path: Path) -> dict[str, Any]:
@@ -35,6 +36,7 @@ def read_duct_file(path: Path) -> dict[str, Any]:
         [pose]
         port_mm = [0.0, 1.5, -20.0]    # where the robot enters, in the mesh's frame after unit and scale
         direction = [0.0, 0.0, 1.0]    # of insertion
+        roll_deg = 0.0                 # about it, of the placed mesh
 
     Args:
         path: The file.
@@ -71,6 +73,8 @@ def read_duct_file(path: Path) -> dict[str, Any]:
     result["mesh"] = path.parent / flat["mesh"]
     if "port_mm" in flat:
         result["port"] = [value * MM for value in flat["port_mm"]]
+    if "roll_deg" in flat:
+        result["roll"] = flat["roll_deg"] * DEG
     if "robot_outer_diameter_mm" in flat:
         result["robot_outer_diameter"] = flat["robot_outer_diameter_mm"] * MM
     return result

@@ -44,6 +44,7 @@ def load_duct(
     unit: str | None = None,
     port: ArrayLike | None = None,
     direction: ArrayLike | None = None,
+    roll: float | None = None,
     robot_outer_diameter: float | None = None,
     robot_reach: float = ROBOT_REACH,
     name: str | None = None,
@@ -62,6 +63,8 @@ def load_duct(
         port: Where the robot enters [m], in the file's frame after unit and scale, shape (3,). By default the widest
             open end, else the widest flat end, else the widest round end.
         direction: Of insertion, in the same frame, shape (3,). By default along the centreline.
+        roll: Turn of the placed mesh about +z [rad], which decides how gravity (-y) acts on it; 0 by default, when the
+            mesh is placed by the smallest turn that brings the direction to +z.
         robot_outer_diameter: Outer diameter that must fit [m], 3.0 mm by default (Wu 2023, Table I).
         robot_reach: Longest way that the robot can grow [m].
         name: Name of the duct, the file's name by default.
@@ -70,7 +73,7 @@ def load_duct(
         GeometryError: If the mesh cannot be used; with what is wrong, where, and what to do.
     """
     file = Path(path)
-    given = {"scale": scale, "unit": unit, "port": port, "direction": direction, "name": name}
+    given = {"scale": scale, "unit": unit, "port": port, "direction": direction, "name": name, "roll": roll}
     given["robot_outer_diameter"] = robot_outer_diameter
     if file.suffix.lower() == ".toml":
         stored = read_duct_file(file)
@@ -82,7 +85,7 @@ def load_duct(
     source = f"Mesh '{file.name}'"
     lumen, report = repair_mesh(mesh, source)
     skeleton, found = _find_way(lumen, report, order, source)
-    pose = make_pose(skeleton.position[0], found["direction"])
+    pose = make_pose(skeleton.position[0], found["direction"], order.roll)
     placed = lumen.copy()
     placed.apply_transform(pose)
     position = skeleton.position @ pose[:3, :3].T + pose[:3, 3]
@@ -117,6 +120,7 @@ class _Order:
     scale: float
     port: Array | None
     direction: Array | None
+    roll: float
     robot_diameter: float
     reach: float
 
@@ -134,13 +138,16 @@ def _make_order(file: Path, given: dict[str, Any], reach: float) -> _Order:
     ):
         if not (math.isfinite(value) and value > 0.0):
             raise GeometryError(f"The {what} for mesh '{file.name}' must be a positive number: got {value:g}.")
+    roll = 0.0 if given["roll"] is None else float(given["roll"])
+    if not math.isfinite(roll):
+        raise GeometryError(f"The roll for mesh '{file.name}' must be a finite angle: got {roll:g}.")
     if diameter > 0.1:
         raise GeometryError(
             f"The robot's outer diameter is given in metres: {diameter:g} m is no catheter. 3 mm is 0.003."
         )
     port = None if given["port"] is None else np.asarray(given["port"], dtype=np.float64)
     direction = None if given["direction"] is None else np.asarray(given["direction"], dtype=np.float64)
-    return _Order(given["name"] or file.stem, unit, scale, port, direction, diameter, reach)
+    return _Order(given["name"] or file.stem, unit, scale, port, direction, roll, diameter, reach)
 
 
 def _find_way(

@@ -156,12 +156,13 @@ def _measure(skeleton: Skeleton, way: NDArray[np.int64]) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def make_pose(point: Array, direction: Array) -> Array:
+def make_pose(point: Array, direction: Array, roll: float = 0.0) -> Array:
     """Make the rigid motion that brings a port to the origin and its direction to +z by the smallest turn.
 
     Args:
         point: The port [m], shape (3,).
         direction: Unit direction of insertion, shape (3,).
+        roll: Further turn about +z [rad].
 
     Returns:
         Homogeneous matrix, shape (4, 4).
@@ -172,6 +173,8 @@ def make_pose(point: Array, direction: Array) -> Array:
         across = np.cross(direction, [0.0, 0.0, 1.0])
         skew = np.array([[0, -across[2], across[1]], [across[2], 0, -across[0]], [-across[1], across[0], 0]])
         pose[:3, :3] = np.eye(3) + skew + skew @ skew / (1.0 + direction[2])
+    cosine, sine = math.cos(roll), math.sin(roll)
+    pose[:3, :3] = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ pose[:3, :3]
     pose[:3, 3] = -pose[:3, :3] @ point
     return pose
 

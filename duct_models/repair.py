@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pymeshfix
+import scipy.sparse
+import scipy.sparse.csgraph
+import scipy.spatial
 import trimesh
 from numpy.typing import NDArray
 
-from evergym.duct_models.bodies import choose_lumen, split_bodies
+from evergym.duct_models.bodies import choose_lumen, measure_volume, split_bodies
 from evergym.duct_models.self_intersection import find_self_intersections
 from evergym.errors import GeometryError
 from evergym.units import MM
@@ -22,6 +25,8 @@ Indices = NDArray[np.int64]
 
 WELD_DISTANCE = 1e-6
 """Vertices nearer than this become one [m]: above the rounding of a text or float32 file, below any feature."""
+GAP_DISTANCE = 20e-6
+"""The same where seams stay open [m]: files with few digits, or patches exported one by one."""
 HOLE_RADIUS = 3.0 * MM
 """Holes up to this radius (perimeter / 2 pi) are closed, whatever their shape [m]. Prior: a robot diameter."""
 OPENING_FLATNESS = 0.08
@@ -96,23 +101,42 @@ def repair_mesh(mesh: trimesh.Trimesh, source: str) -> tuple[trimesh.Trimesh, Re
         GeometryError: If it is still open or intersects itself after the repair; with number and place of the faults.
     """
     report = RepairReport(source)
-    clean = _drop_bad_faces(mesh, report)
+    clean = _drop_bad_faces(mesh, report, WELD_DISTANCE)
+    if not clean.is_watertight:
+        trial = RepairReport(source)
+        welded = _drop_bad_faces(mesh, trial, GAP_DISTANCE)
+        if _count_open_edges(welded) < 0.5 * _count_open_edges(clean):
+            clean = welded
+            report.found = [*trial.found, f"seams open by up to {GAP_DISTANCE / MM:g} mm"]
+            report.done = [*trial.done, "closed the seams"]
     bodies = [_close(body, report) for body in split_bodies(clean)]
     lumen = choose_lumen(bodies, report.found, report.done, source)
     lumen = _remove_intersections(lumen, report)
     _check_closed(lumen, source)
-    if lumen.volume < 0.0:
+    if measure_volume(lumen) < 0.0:
         report.found.append("the normals point inwards")
         report.done.append("turned the normals outwards")
         lumen.invert()
     return lumen, report
 
 
-def _drop_bad_faces(mesh: trimesh.Trimesh, report: RepairReport) -> trimesh.Trimesh:
-    # merging works on absolute digits: in units of the weld distance
-    _, first, place = np.unique(np.round(mesh.vertices / WELD_DISTANCE), axis=0, return_index=True, return_inverse=True)
-    vertices = np.asarray(mesh.vertices)[first]
-    faces = place.reshape(-1)[mesh.faces]
+def _weld(vertices: Array, faces: Indices, distance: float) -> tuple[Array, Indices]:
+    """Make one vertex of all that a chain of steps up to a distance connects."""
+    exact, place = np.unique(vertices, axis=0, return_inverse=True)
+    pairs = scipy.spatial.cKDTree(exact).query_pairs(distance, output_type="ndarray")
+    links = scipy.sparse.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(exact),) * 2)
+    _, label = scipy.sparse.csgraph.connected_components(links, directed=False)
+    _, first = np.unique(label, return_index=True)
+    return exact[first], label[place.reshape(-1)][faces].astype(np.int64)
+
+
+def _count_open_edges(mesh: trimesh.Trimesh) -> int:
+    _, count = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
+    return int((count != 2).sum())
+
+
+def _drop_bad_faces(mesh: trimesh.Trimesh, report: RepairReport, weld: float) -> trimesh.Trimesh:
+    vertices, faces = _weld(np.asarray(mesh.vertices), np.asarray(mesh.faces), weld)
     # a sliver between three different vertices holds the surface together: only faces that lost a vertex go here
     flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
     if flat.any():
@@ -266,7 +290,9 @@ def _remove_intersections(lumen: trimesh.Trimesh, report: RepairReport) -> trime
     points, faces = tool.return_arrays()
     cleaned = trimesh.Trimesh(np.asarray(points) * MM, np.asarray(faces), process=False)
     same_size = np.allclose(cleaned.bounds, lumen.bounds, atol=0.1 * MM)
-    same_volume = abs(abs(cleaned.volume) - abs(lumen.volume)) <= VOLUME_CHANGE * abs(lumen.volume)
+    same_volume = abs(abs(measure_volume(cleaned)) - abs(measure_volume(lumen))) <= VOLUME_CHANGE * abs(
+        measure_volume(lumen)
+    )
     if cleaned.is_watertight and same_size and same_volume and len(find_self_intersections(cleaned)) == 0:
         report.done.append("replaced the intersecting triangles")
         return cleaned

@@ -181,11 +181,14 @@ def test_a_duct_file_names_mesh_scale_and_pose(tmp_path: Path) -> None:
     file = tmp_path / "duct.toml"
     file.write_text(
         'mesh = "tube.stl"\nname = "LB-03"\nscale = 1.1\nrobot_outer_diameter_mm = 3.2\n'
-        "[pose]\nport_mm = [0, 0, 0.0]\ndirection = [0, 0, 1]\n"
+        "[pose]\nport_mm = [0, 0, 0.0]\ndirection = [0, 0, 1]\nroll_deg = 90\n"
     )
     duct = load_duct(file)
     assert duct.name == "LB-03"
     assert duct.centreline.radius[5] == pytest.approx(2.75 * MM, rel=0.03)
+    # the bend towards +x is turned towards +y
+    assert duct.centreline.position[-1, 1] > 10 * MM
+    assert abs(duct.centreline.position[-1, 0]) < 0.3 * MM
     assert duct.metadata["robot_diameter_mm"] == pytest.approx(3.2)
     assert load_duct(file, name="other", scale=1.3).centreline.radius[5] == pytest.approx(3.25 * MM, rel=0.03)
 

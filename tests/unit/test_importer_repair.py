@@ -49,6 +49,19 @@ def test_unmerged_vertices_are_no_fault() -> None:
     assert mended.is_watertight
 
 
+def test_open_seams_are_closed() -> None:
+    tube = make_tube()
+    # every triangle's corners apart and rounded differently, as patches written with few digits are
+    noise = np.random.default_rng(0).uniform(-1e-6, 1e-6, (3 * len(tube.faces), 3))
+    soup = trimesh.Trimesh(
+        tube.triangles.reshape(-1, 3) + 2e-6 + noise, np.arange(3 * len(tube.faces)).reshape(-1, 3), process=False
+    )
+    mended, report = repair_mesh(soup, "soup")
+    assert "closed the seams" in report.done
+    assert mended.is_watertight
+    assert mended.volume == pytest.approx(tube.volume, rel=1e-3)
+
+
 def test_inverted_normals_are_turned() -> None:
     tube = make_tube()
     tube.invert()
