@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -66,7 +65,7 @@ def _lead_to_leaf(duct: Duct) -> Duct | None:
         station=float(centreline.station[leaf]),
         generation=int(centreline.generation[leaf]),
     )
-    return dataclasses.replace(duct, targets=(target,))
+    return replace(duct, targets=(target,))
 
 
 def _record(env_id: str, options: dict[str, Any], everted: float, **settings: Any) -> tuple[list[Command], float]:
@@ -96,8 +95,19 @@ def _record(env_id: str, options: dict[str, Any], everted: float, **settings: An
     return commands, seconds
 
 
+def _sweep(last: Command) -> list[Command]:
+    """Return a sweep of the tip around the lumen at the end of a drive: pull to the limit, a whole turn, release.
+
+    It drags most sections along the wall, and snaps the tip from side to side: the hard part of contact.
+    """
+    turn = [Command(roll=last.roll, tendon_pull=max(last.tendon_pull, 4.9e-3 * k / 20), pressure=45e3) for k in range(21)]
+    turn += [replace(turn[-1], roll=last.roll + 2.0 * math.pi * k / 64) for k in range(65)]
+    turn += [replace(turn[-1], tendon_pull=turn[-1].tendon_pull * (1.0 - k / 20)) for k in range(21)]
+    return turn
+
+
 def record_duct(model: str, rank: int) -> Script:
-    """Return the drive down the ``rank``-th held-out duct that takes 50 mm of everted length, to the end of its longest way."""
+    """Return the drive to the end of the ``rank``-th held-out duct that takes 50 mm of everted length, and a sweep there."""
     found = -1
     for index in range(200):
         duct = _lead_to_leaf(generate_duct("held_out", index))
@@ -107,7 +117,9 @@ def record_duct(model: str, rank: int) -> Script:
             commands, seconds = _record(
                 "MammobotDuct-v0", {"duct": duct}, EVERTED_MIN, model=model, success_distance_mm=1e-3
             )
-            return Script(duct.name, World.duct(duct), commands, env_seconds=seconds, env_steps=len(commands))
+            steps = len(commands)
+            commands += _sweep(commands[-1])
+            return Script(duct.name, World.duct(duct), commands, env_seconds=seconds, env_steps=steps)
     raise GeometryError(f"Fewer than {rank + 1} of 200 held-out ducts take {EVERTED_MIN / MM:g} mm of everted length.")
 
 
