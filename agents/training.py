@@ -15,8 +15,8 @@ the checkpoint before it:
 
 What a killed run did after its last checkpoint is trained again. The promise holds on the CPU, on the same machine
 (another processor may round differently), with the same versions and the same code of evergym; resuming tells what
-has changed. Raising `total_steps` of a finished run continues it, but its last segment was cut at the old end, so it is not the run
-that would have had the higher number from the start.
+has changed. Raising `total_steps` of a finished run continues it, but its last segment was cut at the old end, so it
+is not the run that would have had the higher number from the start.
 """
 
 from __future__ import annotations
