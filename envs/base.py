@@ -44,6 +44,8 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 4}  # noqa: RUF012 (gymnasium's declaration)
     terms: ClassVar[tuple[ObservationTerm, ...]]
     option_names: ClassVar[tuple[str, ...]]
+    has_wall: ClassVar[bool] = True
+    """Whether there is tissue that the robot can perforate."""
 
     def __init__(self, settings: EpisodeSettings, reward: Mapping[str, float] | None, render_mode: str | None) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
@@ -129,7 +131,7 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._travel += math.dist(reading.tip_position.tolist(), tip_before)
 
         burst = bool(reading.burst)
-        perforated = bool(reading.penetration_max > settings.perforation_depth_mm * MM)
+        perforated = self.has_wall and bool(reading.penetration_max > settings.perforation_depth_mm * MM)
         reached = not (burst or perforated or diverged) and route.tip_error <= settings.success_distance_mm * MM
         late = self._step_count * settings.control_step_s >= settings.time_limit_s - 1e-9
         if burst:
@@ -263,6 +265,7 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             "wall_force_n": reading.wall_force_sum,
             "wall_force_max_n": reading.wall_force_max,
             "tip_force_n": math.sqrt(fx * fx + fy * fy + fz * fz),
+            "contact_count": reading.contact_count,
             "penetration_mm": reading.penetration_max / MM,
             "time_s": reading.time,
             "everted_length_mm": reading.everted_length / MM,

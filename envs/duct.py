@@ -108,7 +108,7 @@ class MammobotDuctEnv(MammobotEnv):
 
     `is_success`, `end_reason`; `cost` = `cost_wall_force` (1 if the wall force of a section is above
     ``wall_force_limit_n``, a prior) + `cost_burst` + `cost_buckling`; `tip_error_mm`, `distance_to_go_mm`,
-    `wall_force_n` (sum), `wall_force_max_n` (one section), `tip_force_n`, `penetration_mm`, `time_s`,
+    `wall_force_n` (sum), `wall_force_max_n` (one section), `tip_force_n`, `contact_count`, `penetration_mm`, `time_s`,
     `everted_length_mm`, `catheter_length_mm`, `pressure_kpa`, `tendon_pull_mm`; `path_ratio` = (way of the tip so far
     + way to go) / way to go at the start; `anatomy`, `anatomy_family`, `anatomy_index`, `target_index`;
     `reward/<term>`.

@@ -91,8 +91,9 @@ class _GoalEnv(MammobotEnv):
         else:
             reward = -error * (self.reward_settings.progress_per_mm / MM)
         infos = [info] if isinstance(info, Mapping) else info
-        for key in ("reward/failure", "reward/wall_force"):
-            reward = reward + np.array([entry.get(key, 0.0) for entry in infos])
+        if any(infos):
+            for key in ("reward/failure", "reward/wall_force"):
+                reward = reward + np.array([entry.get(key, 0.0) for entry in infos])
         return float(reward[0]) if np.ndim(achieved_goal) == 1 else reward
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
@@ -231,4 +232,5 @@ def measure_tree(centreline: Centreline, name: str) -> Tree:
 
 def _scale_goal(goal: list[float]) -> NDArray[np.float32]:
     """Return a goal in metres as the space holds it."""
-    return np.clip(np.array(goal) / GOAL_SCALE, -1.0, 1.0).astype(np.float32)
+    scaled = np.array(goal) / GOAL_SCALE
+    return np.maximum(np.minimum(scaled, 1.0), -1.0).astype(np.float32)

@@ -81,6 +81,7 @@ class MammobotPegsEnv(MammobotEnv):
     """
 
     terms: ClassVar[tuple[ObservationTerm, ...]] = PEG_TERMS
+    has_wall: ClassVar[bool] = False
     option_names: ClassVar[tuple[str, ...]] = ("everted_length_mm", "family", "index", "pegs")
 
     def __init__(

@@ -59,3 +59,30 @@ def test_random_actions_keep_the_contract(name: str) -> None:
             assert not isinstance(value, float) or np.isfinite(value), key
         if terminated or truncated:
             break
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_spec_survives_json(name: str) -> None:
+    """A run folder stores the spec as text and makes the same environment from it."""
+    env = gymnasium.make(name, pool_size=1, reward={"success": 7.0}, hide_map=True)
+    assert env.spec is not None
+    again = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    first, _ = env.reset(seed=3)
+    second, _ = again.reset(seed=3)
+    assert str(first) == str(second)
+
+
+def test_worker_processes_need_no_import() -> None:
+    """The module-prefixed id works in spawned workers, which have imported nothing."""
+    venv = gymnasium.make_vec(
+        "evergym:MammobotPegs-v0",
+        num_envs=2,
+        vectorization_mode="async",
+        vector_kwargs={"context": "spawn"},
+        pool_size=1,
+    )
+    observation, _ = venv.reset(seed=0)
+    assert observation in venv.observation_space
+    observation, *_ = venv.step(np.zeros((2, 4), dtype=np.float32))
+    assert observation in venv.observation_space
+    venv.close()

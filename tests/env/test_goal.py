@@ -116,3 +116,31 @@ def test_unknown_goal_reward_is_refused() -> None:
 
     with pytest.raises(ConfigError, match="'sparse' or 'dense'"):
         MammobotPegsGoalEnv(goal_reward="shaped")  # type: ignore[arg-type]
+
+
+def test_hindsight_replay_trains() -> None:
+    """SB3's replay buffer relabels the goals of two environments, and SAC takes gradient steps on them."""
+    from stable_baselines3 import SAC, HerReplayBuffer
+    from stable_baselines3.common.env_util import make_vec_env
+
+    # An episode must end before its goals can be relabelled: 300 s are 120 steps.
+    env = make_vec_env(
+        MammobotDuctGoalEnv, n_envs=2, env_kwargs={"pool_size": 1, "control_step_s": 2.5, "hide_map": True}
+    )
+    model = SAC(
+        "MultiInputPolicy",
+        env,
+        replay_buffer_class=HerReplayBuffer,
+        replay_buffer_kwargs={"n_sampled_goal": 4, "goal_selection_strategy": "future"},
+        learning_starts=250,
+        batch_size=32,
+        policy_kwargs={"net_arch": [16]},
+        device="cpu",
+        seed=0,
+    )
+    model.learn(256)
+    buffer: Any = model.replay_buffer
+    rewards = buffer.sample(64).rewards.numpy()
+    assert set(np.unique(rewards)) <= {-1.0, 0.0} or rewards.min() < -1.0  # failures cost more than a step
+    assert (rewards == 0.0).any()  # relabelled goals are reached
+    env.close()
