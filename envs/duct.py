@@ -18,7 +18,7 @@ from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import DUCT_TERMS, ObservationTerm
 from evergym.envs.route import LumenRoute
 from evergym.envs.settings import EpisodeSettings, check_index, check_keys
-from evergym.errors import ConfigError
+from evergym.errors import ConfigError, GeometryError
 from evergym.units import MM
 from evergym.world import World
 
@@ -175,6 +175,7 @@ class MammobotDuctEnv(MammobotEnv):
         check_index(target, "options['target']", 0)
         if target >= count:
             raise ConfigError(f"options['target'] is {target}; duct {duct.name!r} has targets 0..{count - 1}.")
+        _check_fit(duct, target, self.model.robot.sheath_outer_diameter_mm * MM)
         self.duct = duct
         self.target_index = target
         anatomy = {
@@ -217,3 +218,16 @@ def _load_place(path: Path, modified: int, robot_diameter: float) -> tuple[Duct,
     del modified
     duct = load_duct(path, robot_outer_diameter=robot_diameter)
     return duct, World.duct(duct)
+
+
+def _check_fit(duct: Duct, target: int, robot_diameter: float) -> None:
+    """Raise ``GeometryError`` where the way to a target is narrower than the robot."""
+    way = duct.centreline.path_to(duct.targets[target].node)
+    narrowest = int(way[np.argmin(duct.centreline.radius[way])])
+    lumen_diameter = 2.0 * float(duct.centreline.radius[narrowest])
+    if lumen_diameter < robot_diameter:
+        raise GeometryError(
+            f"The robot does not fit duct {duct.name!r} at station {duct.centreline.station[narrowest] / MM:.1f} mm: "
+            f"its outer diameter is {robot_diameter / MM:.2f} mm, the lumen is {lumen_diameter / MM:.2f} mm. Choose a "
+            "smaller sheath, another target or a wider duct."
+        )

@@ -16,7 +16,8 @@ from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import PEG_TERMS, ObservationTerm
 from evergym.envs.route import PegRoute
 from evergym.envs.settings import EpisodeSettings, check_index, check_keys
-from evergym.errors import ConfigError
+from evergym.errors import ConfigError, GeometryError
+from evergym.units import MM
 from evergym.world import World
 
 __all__ = ["MammobotPegsEnv"]
@@ -122,6 +123,12 @@ class MammobotPegsEnv(MammobotEnv):
             index = options["index"] if "index" in options else int(self.np_random.integers(count))
             check_index(index, "options['index']", 0)
             field, world = _build_place(family, index)
+        diameter, room = self.model.robot.sheath_outer_diameter_mm * MM, field.robot_diameter + 2.0 * field.clearance
+        if diameter > room:
+            raise GeometryError(
+                f"Peg field {field.name!r} has room for robots up to {room / MM:.2f} mm along its way; this "
+                f"one's outer diameter is {diameter / MM:.2f} mm. Choose a smaller sheath or give a field made for it."
+            )
         self.peg_field = field
         return (
             world,

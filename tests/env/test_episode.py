@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import gymnasium
@@ -10,11 +11,13 @@ import pytest
 
 from evergym.duct_models.duct import generate_duct
 from evergym.duct_models.pegs import paper_pegs
+from evergym.effects.burst_limit import BurstLimit
 from evergym.envs.base import MammobotEnv
 from evergym.envs.duct import MammobotDuctEnv
 from evergym.envs.pegs import MammobotPegsEnv
 from evergym.envs.route import LumenRoute
-from evergym.errors import ConfigError, SimulationDiverged
+from evergym.errors import ConfigError, GeometryError, SimulationDiverged
+from evergym.model import load_model, save_model
 from evergym.units import MM
 
 STAY = np.array([0.0, 0.0, -1.0, -1.0], dtype=np.float32)
@@ -25,7 +28,7 @@ def run(env: gymnasium.Env[Any, Any], action: Any, limit: int = 1000) -> tuple[b
     total = 0.0
     for _ in range(limit):
         _, reward, terminated, truncated, info = env.step(action)
-        total += reward
+        total += float(reward)
         if terminated or truncated:
             return terminated, truncated, info, total
     raise AssertionError("the episode did not end")
@@ -105,11 +108,6 @@ def test_along_the_lumen_within_5_mm_is_success_and_beyond_is_none() -> None:
 
 def test_burst_terminates(tmp_path: Any) -> None:
     """A sheath that bursts at 20 kPa ends the episode when the pressure passes it."""
-    import dataclasses
-
-    from evergym.effects.burst_limit import BurstLimit
-    from evergym.model import load_model, save_model
-
     model = load_model("mammobot_2023")
     weak = dataclasses.replace(model, effects=dataclasses.replace(model.effects, burst_limit=BurstLimit(20.0)))
     save_model(weak, tmp_path / "weak.toml")
@@ -262,6 +260,16 @@ def test_wrong_arguments_say_what_to_do(arguments: dict[str, Any], message: str)
     """Constructor arguments are checked when the environment is made, not when it is used."""
     with pytest.raises(ConfigError, match=message):
         MammobotDuctEnv(**arguments)
+
+
+@pytest.mark.parametrize(("env_class", "where"), [(MammobotDuctEnv, "at station"), (MammobotPegsEnv, "has room")])
+def test_a_robot_that_does_not_fit_is_refused(env_class: Any, where: str, tmp_path: Any) -> None:
+    """A sheath of 6 mm has no way through a lumen of some 5 mm, nor between the pegs."""
+    model = load_model("mammobot_2023")
+    thick = dataclasses.replace(model, robot=dataclasses.replace(model.robot, sheath_outer_diameter_mm=6.0))
+    save_model(thick, tmp_path / "thick.toml")
+    with pytest.raises(GeometryError, match=where):
+        env_class(model=str(tmp_path / "thick.toml"), pool_size=1).reset(seed=0)
 
 
 def test_step_before_reset_is_an_error() -> None:

@@ -20,7 +20,7 @@ MODEL = load_model("mammobot_2023")
 def value_of(model: Model, path: str) -> float:
     value = to_mapping(model)
     for key in path.split("."):
-        value = value[key]  # type: ignore[assignment]
+        value = value[key]
     return float(value)  # type: ignore[arg-type]
 
 
