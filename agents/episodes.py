@@ -46,6 +46,8 @@ class EpisodeRecord:
     """Sum over the steps."""
     step_count: int = 0
     everted_length_mm: float = math.nan
+    protrusion_mm: float = math.nan
+    """How far the catheter reached beyond the sheath at the end: a target can be reached by growing or by poking."""
 
     @property
     def key(self) -> EpisodeKey:
@@ -122,6 +124,7 @@ def run_episode(
         cost=cost,
         step_count=count,
         everted_length_mm=_read(info, "everted_length_mm"),
+        protrusion_mm=float(np.maximum(0.0, _read(info, "catheter_length_mm") - _read(info, "everted_length_mm"))),
     )
 
 

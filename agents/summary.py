@@ -37,6 +37,7 @@ METRICS = (
     Metric("time_s", "time to target [s]", True, 0),
     Metric("tip_error_mm", "tip error at the end [mm]", False, 1),
     Metric("path_ratio", "path ratio", True, 2),
+    Metric("protrusion_mm", "catheter beyond sheath at the end [mm]", False, 1),
     Metric("wall_force_peak_n", "peak wall force [N]", False, 3),
     Metric("wall_force_p95_n", "95th-percentile wall force [N]", False, 3),
 )

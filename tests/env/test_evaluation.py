@@ -81,6 +81,7 @@ def test_all_arms_meet_the_same_episodes(settings: Evaluate) -> None:
         assert record.seed == derive_episode_seed(settings.seed, split, index)
         assert record.success == (arm == "toward")
         assert record.wall_force_p95_n <= record.wall_force_peak_n
+        assert record.protrusion_mm == pytest.approx(2.5)
         assert record.end_reason == ("reached" if record.success else "time")
         if arm == "still":
             assert record.step_count == 40

@@ -67,6 +67,7 @@ class PointTask(gymnasium.Env[Any, Any]):
             "wall_force_max_n": force / 2,
             "time_s": 0.25 * self.count,
             "everted_length_mm": 1e3 * self.path,
+            "catheter_length_mm": 1e3 * self.path + 2.5,
         }
 
     def render(self) -> Any:
