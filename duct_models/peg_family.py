@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 _ENTROPY = 20230105
 """Root of all peg seeds; the date of the paper, so that nobody tunes it."""
 _ATTEMPTS = 500
+PRE_CURVATURE = 2.2
+"""Curvature of the unsteered robot [1/m], in the plane of its tendon. Source: Wu 2023."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,8 @@ class PegFamily:
     approach_min: float = 5.5 * MM
     """Least distance that an unsteered robot keeps from the target until it meets a peg [m]; success is at 5 mm."""
     guide_offset: float = 0.7 * MM
-    """A peg in the straight way stands at least so far [m] on the target's side of the port's axis, so that it deflects
-    an unsteered robot away from the target instead of guiding it there."""
+    """A peg in the way of an unsteered robot stands at least so far [m] on the target's side of that way, so that it
+    deflects the robot away from the target instead of guiding it there."""
     way_deviation: float = 3.5 * MM
     """Largest distance of the shortest way from the reference arc [m]: both pass every peg that matters on the same
     side."""
@@ -117,12 +119,12 @@ def trace_arc(curvature: float, length: float, spacing: float = 0.25 * MM) -> Ar
     return np.stack([chord * np.sin(half), chord * np.cos(half)], axis=1)
 
 
-def find_straight_approach(field: PegField, curvature_max: float = 2.2, length: float = 70.0 * MM) -> float:
+def find_straight_approach(field: PegField, curvature_max: float = PRE_CURVATURE, length: float = 70.0 * MM) -> float:
     """Compute how near an unsteered robot comes to the target before it meets a peg.
 
     Args:
         field: The field.
-        curvature_max: Bend that the robot has unsteered [1/m], to either side. Source: pre-curvature 2.2 1/m, Wu 2023.
+        curvature_max: Bend that the robot has unsteered [1/m], to either side (it depends on the roll).
         length: How far it is pushed [m].
 
     Returns:
@@ -193,6 +195,11 @@ def _try(family: PegFamily, index: int, rng: np.random.Generator) -> PegField | 
     return field if find_straight_approach(field) >= family.approach_min else None
 
 
+def _compute_sag(z: float) -> float:
+    """Compute how far an unsteered robot may be off the axis at a height z."""
+    return 0.5 * PRE_CURVATURE * z**2
+
+
 def _place_pegs(family: PegFamily, arc: Array, side: float, rng: np.random.Generator) -> Array | None:
     """Place pegs beside the arc, in the straight way and at random; None where they do not fit."""
     room = family.peg_radius + 0.5 * ROBOT_DIAMETER + family.arc_clearance
@@ -210,12 +217,14 @@ def _place_pegs(family: PegFamily, arc: Array, side: float, rng: np.random.Gener
             peg = arc[at] + inward[at] * (room + rng.uniform(0.0, 1.5 * MM))
         elif len(plan) == 1 and k < 30 * count:
             # ahead of a robot that is pushed straight
-            peg = np.array([side * rng.uniform(family.guide_offset, 3.5 * MM), rng.uniform(26.0 * MM, 48.0 * MM)])
+            z = rng.uniform(26.0 * MM, 48.0 * MM)
+            peg = np.array([side * (_compute_sag(z) + rng.uniform(family.guide_offset, 3.0 * MM)), z])
         else:
             peg = np.array([rng.uniform(-18.0, 18.0), rng.uniform(14.0, 60.0)]) * MM
         if peg[1] < 14.0 * MM and abs(peg[0]) < room + 1.0 * MM:
             continue
-        if -room - 1.0 * MM < side * peg[0] < family.guide_offset and peg[1] < arc[-1, 1]:
+        sag = _compute_sag(peg[1])
+        if -sag - room - 1.0 * MM < side * peg[0] < sag + family.guide_offset and peg[1] < arc[-1, 1] + room:
             continue
         if plan and np.hypot(*(np.array(plan) - peg).T).min() < family.peg_spacing:
             continue

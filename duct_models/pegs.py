@@ -257,18 +257,20 @@ def _text(point: Array) -> str:
     return "(" + ", ".join(f"{value / MM:.2f}" for value in point) + ")"
 
 
-PAPER_PLAN = np.array([[6.0, 15.0], [1.0, 34.5], [12.0, 51.0], [2.0, 52.0]]) * MM
+PAPER_PLAN = np.array([[-6.0, 15.0], [-1.0, 34.5], [-12.0, 51.0], [-2.0, 52.0]]) * MM
 """Where the four pegs of the paper's field stand, x and z [m], shape (4, 2).
 
 Prior. The number and the diameter of the pegs are the paper's (Wu 2023, Fig. 12); their places are not given in numbers
 and were not measured from its pictures. They are chosen so that the robot weaves as it does there: the shortest way to
-the first target is about 60 mm long, bends around the first peg on its right and the second on its left and ends
+the first target is about 60 mm long, bends around the first peg to one side and around the second to the other and ends
 through the gap between the last two, and a path of three arcs with a radius of 95 mm (the robot's limit is about 90 mm)
-clears every peg.
+clears every peg. The targets lie away from where the pre-curvature and the pegs take an unsteered robot.
 """
-PAPER_TARGETS = np.array([[9.0, 0.0, 61.0], [6.5, 0.0, 44.5], [-7.5, 0.0, 46.0]]) * MM
-"""Targets in the paper's field [m], shape (3, 3): beyond the last gap, beyond the second peg, and to its left. Prior,
-as above."""
+PAPER_TARGETS = np.array([[-9.0, 0.0, 61.0], [-6.5, 0.0, 44.5], [11.0, 0.0, 46.0]]) * MM
+"""Targets in the paper's field [m], shape (3, 3): beyond the last gap, beyond the second peg, and on the other side.
+
+Prior, as above.
+"""
 
 
 def paper_pegs(target_index: int = 0) -> PegField:

@@ -186,10 +186,10 @@ def test_paper_pegs_can_be_woven_within_the_robots_bend() -> None:
     assert field.pegs.shape == (4, 7)
     assert (field.pegs[:, 6] == 2.5 * MM).all()
     assert 55 * MM < field.way_length < 65 * MM
-    # three arcs of 95 mm radius, right, left, right
+    # three arcs of 95 mm radius
     x, z, turn, step = 0.0, 0.0, 0.0, 0.05 * MM
     path = []
-    for curvature, length in ((10.5, 26 * MM), (-10.5, 20 * MM), (10.5, 16 * MM)):
+    for curvature, length in ((-10.5, 26 * MM), (10.5, 20 * MM), (-10.5, 16 * MM)):
         for _ in range(round(length / step)):
             middle = turn + 0.5 * curvature * step
             x, z, turn = x + step * math.sin(middle), z + step * math.cos(middle), turn + curvature * step
