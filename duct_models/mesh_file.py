@@ -69,6 +69,16 @@ def read_mesh(path: Path, scale: float) -> trimesh.Trimesh:
             f"triangle mesh."
         )
     vertices = np.asarray(loaded.vertices, dtype=np.float64)
+    faces = np.asarray(faces, dtype=np.int64)
+    astray = ((faces < 0) | (faces >= len(vertices))).any(axis=1)
+    if astray.any():
+        raise GeometryError(
+            f"Mesh file '{path}' is damaged: {int(astray.sum())} of {len(faces)} triangles name vertices that it does "
+            f"not have (the first is number {int(np.argmax(astray))}). Export it again."
+        )
+    # a vertex that no triangle uses may be anything
+    used, place = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[used], place.reshape(-1, 3)
     bad = ~np.isfinite(vertices).all(axis=1)
     if bad.any():
         raise GeometryError(
@@ -76,7 +86,7 @@ def read_mesh(path: Path, scale: float) -> trimesh.Trimesh:
             f"number "
             f"{int(np.argmax(bad))}). Repair or export it again."
         )
-    return trimesh.Trimesh(vertices * scale, np.asarray(faces, dtype=np.int64), process=False)
+    return trimesh.Trimesh(vertices * scale, faces, process=False)
 
 
 def check_size(mesh: trimesh.Trimesh, path: Path, unit: str, scale: float) -> None:

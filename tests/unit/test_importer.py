@@ -254,6 +254,24 @@ def test_meshes_without_usable_triangles_are_refused(tmp_path: Path) -> None:
         load_duct(save(tube, tmp_path / "hole.ply"))
 
 
+@pytest.mark.parametrize("extension", ["stl", "ply", "glb"])
+def test_damaged_files_are_refused(tmp_path: Path, extension: str) -> None:
+    whole = save(make_tube(), tmp_path / f"tube.{extension}").read_bytes()
+    path = tmp_path / f"damaged.{extension}"
+    rng = np.random.default_rng(0)
+    for k in range(6):
+        data = bytearray(whole)
+        if k % 2:
+            del data[rng.integers(1, len(data)) :]
+        else:
+            # the second half holds the triangles
+            for place in rng.integers(len(data) // 2, len(data), 20):
+                data[place] = rng.integers(256)
+        path.write_bytes(bytes(data))
+        with pytest.raises(GeometryError, match=r"damaged"):
+            load_duct(path, port=[0.0, 0.0, 0.0])
+
+
 def test_a_mistaken_unit_is_noticed(tmp_path: Path) -> None:
     metres = save(make_tube(), tmp_path / "metres.stl", unit=1.0)
     with pytest.raises(
