@@ -86,7 +86,8 @@ def _record(env_id: str, options: dict[str, Any], everted: float, **settings: An
     done = False
     while not done:
         action, memory = controller.predict(observation, memory)
-        commands.append(drive.command(check_action(action), CONTROL_STEP, info["catheter_length_mm"] * MM))
+        lengths = info["catheter_length_mm"] * MM, info["everted_length_mm"] * MM
+        commands.append(drive.command(check_action(action), CONTROL_STEP, *lengths))
         start = time.process_time()
         observation, _, terminated, truncated, info = env.step(action)
         seconds += time.process_time() - start
@@ -100,7 +101,9 @@ def _sweep(last: Command) -> list[Command]:
 
     It drags most sections along the wall, and snaps the tip from side to side: the hard part of contact.
     """
-    turn = [Command(roll=last.roll, tendon_pull=max(last.tendon_pull, 4.9e-3 * k / 20), pressure=45e3) for k in range(21)]
+    turn = [
+        Command(roll=last.roll, tendon_pull=max(last.tendon_pull, 4.9e-3 * k / 20), pressure=45e3) for k in range(21)
+    ]
     turn += [replace(turn[-1], roll=last.roll + 2.0 * math.pi * k / 64) for k in range(65)]
     turn += [replace(turn[-1], tendon_pull=turn[-1].tendon_pull * (1.0 - k / 20)) for k in range(21)]
     return turn

@@ -175,7 +175,9 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def _advance(self, action: list[float]) -> bool:
         """Advance by one control step; return whether the simulator could."""
         for _ in range(self._holds):
-            command = self.drive.command(action, self._hold, self._reading.catheter_length)
+            command = self.drive.command(
+                action, self._hold, self._reading.catheter_length, self._reading.everted_length
+            )
             if not self._hold_command(command, self._hold):
                 return False
         return True
@@ -206,19 +208,13 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         assert self._simulator is not None  # step() and reset() made it
         reading: Reading = self._reading
         position: list[float] = reading.tip_position.tolist()
-        frame: Frame = compute_tip_frame(reading.tip_direction.tolist(), self._tendon_side())
+        frame: Frame = compute_tip_frame(reading.tip_direction.tolist(), reading.tendon_side.tolist())
         noise = self.settings.localisation_noise_mm * MM
         if noise > 0.0:
             position, frame = self._localise(position, frame, noise)
             self._seen_route.locate(np.array(position))
         time_left = 1.0 - self._step_count * self.settings.control_step_s / self.settings.time_limit_s
         return compute_observation(reading, self.drive, position, frame, self._seen_route, time_left, self._factors)
-
-    def _tendon_side(self) -> list[float]:
-        """Return the direction to which pulling the tendon bends the tip, in the world."""
-        assert self._simulator is not None  # step() and reset() made it
-        side: list[float] = self._simulator.shape().catheter_direction[-1].tolist()
-        return side
 
     def _localise(self, position: list[float], frame: Frame, noise: float) -> tuple[list[float], Frame]:
         """Return tip position and frame as a noisy localisation sees them.

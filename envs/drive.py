@@ -32,6 +32,8 @@ class DriveLimits:
         pressure: Gauge pressure [Pa].
         roll_rate: Catheter roll rate at the base [rad/s].
         tendon_pull_rate: Rate of the tendon pull set point [m/s].
+        protrusion: How far the catheter may be ahead of the sheath [m]; beyond it an interlock holds the catheter and feeds tail
+            only, since a bare catheter poking through a duct is what the sheath is there to prevent.
         pressure_rate: Rate of the pressure set point [Pa/s].
     """
 
@@ -40,6 +42,7 @@ class DriveLimits:
     pressure: float
     roll_rate: float = 45.0 * DEG  # prior: half a turn in 4 s; no source gives the drive's rate
     tendon_pull_rate: float = 2.0 * MM  # prior: a full pull in 2.5 s
+    protrusion: float = 10.0 * MM  # prior: two 5 mm steps of the duty cycle
     pressure_rate: float = 50.0 * KPA  # prior: a full ramp in 1 s; the line's own lag is an effect of the model
 
     @classmethod
@@ -89,13 +92,14 @@ class Drive:
         self.tendon_pull = tendon_pull
         self.pressure = pressure
 
-    def command(self, action: list[float], duration: float, catheter_length: float) -> Command:
+    def command(self, action: list[float], duration: float, catheter_length: float, everted_length: float) -> Command:
         """Move the set points for ``duration`` and return the command to hold meanwhile.
 
         Args:
             action: Four numbers in -1..1, see ``check_action``.
             duration: How long the command is held [s].
             catheter_length: Inserted length of the catheter [m]; it cannot be withdrawn beyond the port.
+            everted_length: Everted length [m].
         """
         limits = self.limits
         self.insertion_velocity = max(action[0] * limits.insertion_velocity, -catheter_length / duration)
@@ -105,8 +109,14 @@ class Drive:
         pressure = 0.5 * (action[3] + 1.0) * limits.pressure
         self.tendon_pull = _approach(self.tendon_pull, pull, limits.tendon_pull_rate * duration)
         self.pressure = _approach(self.pressure, pressure, limits.pressure_rate * duration)
+        tail = None
+        room = everted_length + limits.protrusion - catheter_length
+        if self.insertion_velocity > 0.0 and self.insertion_velocity * duration > room:
+            tail = 2.0 * self.insertion_velocity
+            self.insertion_velocity = max(room, 0.0) / duration
         return Command(
             insertion_velocity=self.insertion_velocity,
+            tail_feed_velocity=tail,
             roll=self.roll,
             tendon_pull=self.tendon_pull,
             pressure=self.pressure,

@@ -40,7 +40,8 @@ class MammobotDuctEnv(MammobotEnv):
     | 2 | tendon pull set point | 0 | half | all | largest pull (4.9 mm), followed at up to 2 mm/s (prior) |
     | 3 | pressure set point | 0 | half | all | pressure limit (50 kPa gauge), followed at up to 50 kPa/s (prior) |
 
-    The tail is fed twice as fast as the catheter is inserted, so a negative insertion also retracts the tail.
+    The tail is fed twice as fast as the catheter is inserted, so a negative insertion also retracts the tail. An interlock
+    holds a catheter that is 10 mm ahead of the sheath's tip and feeds the tail on: the sheath, not a bare catheter, is to arrive.
 
     ## Observation
 

@@ -23,7 +23,20 @@ def _add_spring(force, stiffness, normal, curvature, gradient, hessian):  # type
 
 @njit
 def add_contact(
-    has_wall, wall, pegs, law, friction, point, radius, tributary, previous_depth, dt, normal, curvature, gradient, hessian
+    has_wall,
+    wall,
+    pegs,
+    law,
+    friction,
+    point,
+    radius,
+    tributary,
+    previous_depth,
+    dt,
+    normal,
+    curvature,
+    gradient,
+    hessian,
 ):  # type: ignore[no-untyped-def]
     """Add the contact of a sphere at ``point`` and return its energy [J], largest depth [m] and friction limit mu N [N].
 

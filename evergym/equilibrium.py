@@ -174,9 +174,7 @@ def _evaluate(parameters, state, command, ws, bend, roll, position, frame, dt, p
     n = state.links[0]
     if place:
         for j in range(n):
-            place_link(
-                j, state.length[j], bend[j, 0], bend[j, 1], ws.link, ws.column, ws.half_column, position, frame
-            )
+            place_link(j, state.length[j], bend[j, 0], bend[j, 1], ws.link, ws.column, ws.half_column, position, frame)
     energy, path = add_springs(parameters, state, ws, bend, roll, dt)
     energy += _add_nodes(parameters, state, command, ws, position, frame, dt)
     stretch = state.scalar[Scalar.TRANSMITTED_PULL] - path

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, overload
 
 import numba
+from numba.typed import List as TypedList
 
 from evergym.cache import find_kernel_folder
 
-__all__ = ["njit"]
+__all__ = ["TypedList", "njit"]
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -192,9 +192,13 @@ def add_springs(parameters, state, ws, bend, roll, dt):  # type: ignore[no-untyp
             c = math.cos(middle)
             s = math.sin(middle)
             if flexible > 0.0:
-                energy += _add_catheter(robot.flexible_bundle, flexible, length, bend_x, bend_y, c, s, section, gradient, hessian)
+                energy += _add_catheter(
+                    robot.flexible_bundle, flexible, length, bend_x, bend_y, c, s, section, gradient, hessian
+                )
             if proximal > 0.0:
-                energy += _add_catheter(robot.proximal_bundle, proximal, length, bend_x, bend_y, c, s, section, gradient, hessian)
+                energy += _add_catheter(
+                    robot.proximal_bundle, proximal, length, bend_x, bend_y, c, s, section, gradient, hessian
+                )
             # The tendon lies at (arm, 0) of the catheter's frame: bending towards it, about y, shortens its path.
             arm = robot.tendon_arm * flexible
             tendon[0] = -arm * s

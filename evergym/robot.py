@@ -42,7 +42,12 @@ class RobotConfig:
         6.5e-3, unit="N m^2", low=1e-8, high=10.0, source="uncut nitinol tube of Table I at 20 GPa"
     )
     catheter_torsional_stiffness_n_m2: float = parameter(
-        7.4e-4, unit="N m^2", low=1e-9, high=10.0, prior=True, source="0.15 of the uncut tube's 4.9e-3 (notched: 0.05-0.3)"
+        7.4e-4,
+        unit="N m^2",
+        low=1e-9,
+        high=10.0,
+        prior=True,
+        source="0.15 of the uncut tube's 4.9e-3 (notched: 0.05-0.3)",
     )
     catheter_mass_g: float = parameter(0.215, unit="g", low=0.0, high=100.0, source="paper, Table I")
     catheter_damping_time_ms: float = parameter(
@@ -58,9 +63,13 @@ class RobotConfig:
     sheath_material_length_mm: float = parameter(
         280.0, unit="mm", low=1.0, high=1e4, source="paper: 280 mm of material, so at most 140 mm grown"
     )
-    sheath_mass_g: float = parameter(0.056, unit="g", low=0.0, high=100.0, source="paper, Table I (double wall over 95 mm)")
+    sheath_mass_g: float = parameter(
+        0.056, unit="g", low=0.0, high=100.0, source="paper, Table I (double wall over 95 mm)"
+    )
     fluid_density_kg_m3: float = parameter(1005.0, unit="kg/m^3", low=0.0, high=2e4, source="physiological saline")
-    feed_max_mm_s: float = parameter(5.8, unit="mm/s", low=0.01, high=1000.0, source="paper: bench feeds 2.9 and 5.8 mm/s")
+    feed_max_mm_s: float = parameter(
+        5.8, unit="mm/s", low=0.01, high=1000.0, source="paper: bench feeds 2.9 and 5.8 mm/s"
+    )
     pressure_max_kpa: float = parameter(
         50.0, unit="kPa", low=0.1, high=1e4, source="paper: much above 150 kPa absolute the sheath sometimes bursts"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ from evergym.errors import ConfigError, SimulationDiverged
 from evergym.eversion import EVERTED_LENGTH_MIN
 from evergym.model import Model, Numerics, compile_numerics, compile_robot
 from evergym.state import Parameters, Scalar, State, copy_state, create_state, create_workspace
-from evergym.stepper import advance, settle
+from evergym.stepper import advance_packed, pack, settle
 from evergym.world import World
 
 __all__ = ["Command", "Contacts", "Reading", "Shape", "Simulator", "Snapshot"]
@@ -50,6 +51,8 @@ class Reading(NamedTuple):
     time: float
     tip_position: Array
     tip_direction: Array
+    tendon_side: Array
+    """Side to which pulling bends the tip, (3,), unit."""
     everted_length: float
     catheter_length: float
     """Length of catheter inserted beyond the port."""
@@ -136,6 +139,7 @@ class Simulator:
         self._backup = create_state(links)
         self.workspace = create_workspace(links)
         self._command = np.zeros(8)
+        self._box = pack(self.parameters, self.state, self._backup, self.workspace)
         self.reset()
 
     def reset(
@@ -187,7 +191,9 @@ class Simulator:
         tangent = np.zeros((0, 3)) if path is None else self._sample_tangents(path)
         status = settle(self.parameters, self.state, self._command, self.workspace, tangent)
         if status != 0:
-            raise SimulationDiverged("The robot finds no equilibrium at reset. Check its start and the model's stiffnesses.")
+            raise SimulationDiverged(
+                "The robot finds no equilibrium at reset. Check its start and the model's stiffnesses."
+            )
         return self.reading
 
     def _sample_tangents(self, path: Array) -> Array:
@@ -219,10 +225,10 @@ class Simulator:
         row[4] = command.pressure
         row[5:8] = command.tip_load
         if not (np.isfinite(row).all() and 0.0 < duration < np.inf):
-            raise ConfigError(f"A command and its duration must be finite, the duration positive: got {command}, {duration} s.")
-        status = advance(
-            self.parameters, self.state, self._backup, row, self.workspace, duration, self.numerics.step_s
-        )
+            raise ConfigError(
+                f"A command and its duration must be finite, the duration positive: got {command}, {duration} s."
+            )
+        status = advance_packed(self._box, row, duration, self.numerics.step_s)
         if status != 0:
             kind = "its energy is not finite" if status == 2 else "the solver found no equilibrium"
             raise SimulationDiverged(
@@ -237,12 +243,13 @@ class Simulator:
         state = self.state
         s = state.scalar.tolist()
         n = int(state.links[0])
-        force = state.contact_force[1 : n + 1]
-        size = np.sqrt(np.einsum("ij,ij->i", force, force))
+        roll = float(state.roll[n])
+        frame = state.frame[n]
         return Reading(
             time=s[Scalar.TIME],
             tip_position=state.position[n].copy(),
-            tip_direction=state.frame[n, :, 2].copy(),
+            tip_direction=frame[:, 2].copy(),
+            tendon_side=math.cos(roll) * frame[:, 0] + math.sin(roll) * frame[:, 1],
             everted_length=s[Scalar.EVERTED_LENGTH],
             catheter_length=s[Scalar.CATHETER_LENGTH],
             slack=max(s[Scalar.FED_LENGTH] - 2.0 * s[Scalar.EVERTED_LENGTH], 0.0),
@@ -252,11 +259,11 @@ class Simulator:
             tendon_tension=s[Scalar.TENDON_TENSION],
             tail_tension=s[Scalar.TAIL_TENSION],
             roll=s[Scalar.ROLL],
-            wall_force_max=float(size.max()),
-            wall_force_sum=float(size.sum()),
-            tip_force=force[-1].copy(),
-            penetration_max=float(state.depth[1 : n + 1].max()),
-            contact_count=int(np.count_nonzero(size)),
+            wall_force_max=s[Scalar.WALL_FORCE_MAX],
+            wall_force_sum=s[Scalar.WALL_FORCE_SUM],
+            tip_force=state.contact_force[n].copy(),
+            penetration_max=s[Scalar.PENETRATION_MAX],
+            contact_count=int(s[Scalar.CONTACT_COUNT]),
             buckled=s[Scalar.BUCKLED] > 0.0,
             burst=s[Scalar.BURST] > 0.0,
         )
@@ -301,4 +308,3 @@ class Simulator:
             )
         copy_state(snapshot.state, self.state)
         return self.reading
-

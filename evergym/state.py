@@ -54,9 +54,12 @@ class Scalar(IntEnum):
     ITERATIONS = 18
     """Newton iterations since the reset."""
     SUBSTEPS = 19
-    DISSIPATED = 20
-    """Energy lost to wall friction and damping since the reset [J]."""
-    COUNT = 21
+    WALL_FORCE_MAX = 20
+    """Largest contact force on one section [N]."""
+    WALL_FORCE_SUM = 21
+    CONTACT_COUNT = 22
+    PENETRATION_MAX = 23
+    COUNT = 24
 
 
 class State(NamedTuple):

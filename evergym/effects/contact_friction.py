@@ -26,7 +26,12 @@ class ContactFriction:
     """
 
     mu_tissue: float = parameter(
-        0.05, unit="1", low=0.0, high=1.5, prior=True, source="0.01 (hydrogel on bladder) to 0.3 (bare polymer on vessel)"
+        0.05,
+        unit="1",
+        low=0.0,
+        high=1.5,
+        prior=True,
+        source="0.01 (hydrogel on bladder) to 0.3 (bare polymer on vessel)",
     )
     mu_peg: float = parameter(0.2, unit="1", low=0.0, high=1.5, prior=True, source="0.1-0.4, polymer on a rigid peg")
     sliding_speed_mm_s: float = parameter(

@@ -38,11 +38,23 @@ class DuctCompliance:
         source="1 / 30 kPa: duct wall 10-100 kPa (no measurement found); fat 1-10, fibrous tissue 30-100 (Krouskop 1998)",
     )
     stiffening_depth_mm: float = parameter(
-        0.5, unit="mm", low=0.01, high=100.0, prior=True, source="soft tissue stiffens several-fold within its strain of 0.5"
+        0.5,
+        unit="mm",
+        low=0.01,
+        high=100.0,
+        prior=True,
+        source="soft tissue stiffens several-fold within its strain of 0.5",
     )
-    damping_time_s: float = parameter(0.05, unit="s", low=0.0, high=10.0, prior=True, source="tissue relaxation, short part")
+    damping_time_s: float = parameter(
+        0.05, unit="s", low=0.0, high=10.0, prior=True, source="tissue relaxation, short part"
+    )
     peg_stiffness_mpa: float = parameter(
-        2.0, unit="MPa", low=0.01, high=1e4, prior=True, help="Numerical: rigid pegs; 10 mN dent them by some micrometres."
+        2.0,
+        unit="MPa",
+        low=0.01,
+        high=1e4,
+        prior=True,
+        help="Numerical: rigid pegs; 10 mN dent them by some micrometres.",
     )
 
     def compile(self) -> DuctComplianceParameters:

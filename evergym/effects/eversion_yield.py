@@ -27,7 +27,11 @@ class EversionYield:
     """
 
     static_kpa: float = parameter(
-        13.7, unit="kPa", low=0.0, high=1000.0, source="middle of 8.7-18.7 kPa: the paper's Fig. 8 grows at 120, not at 110 kPa"
+        13.7,
+        unit="kPa",
+        low=0.0,
+        high=1000.0,
+        source="middle of 8.7-18.7 kPa: the paper's Fig. 8 grows at 120, not at 110 kPa",
     )
     kinetic_kpa: float = parameter(
         9.9, unit="kPa", low=0.0, high=1000.0, source="exponential growth law fitted to the paper's Fig. 8: 9.9 +- 1.0"

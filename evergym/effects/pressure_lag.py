@@ -23,7 +23,12 @@ class PressureLag:
     """dp/dt = (set point - p) / time. Off at zero time."""
 
     time_s: float = parameter(
-        0.15, unit="s", low=0.0, high=100.0, prior=True, source="air trapped in a 21.6 mL tank behind 4 mm x 0.3 m lines"
+        0.15,
+        unit="s",
+        low=0.0,
+        high=100.0,
+        prior=True,
+        source="air trapped in a 21.6 mL tank behind 4 mm x 0.3 m lines",
     )
 
     def compile(self) -> PressureLagParameters:

@@ -38,7 +38,9 @@ class RetractionBuckling:
         9.9, unit="kPa", low=0.0, high=1000.0, prior=True, source="taken equal to the kinetic yield of eversion"
     )
     length_factor: float = parameter(2.0, unit="1", low=0.0, high=2.0, source="fixed at the port, free at the tip")
-    wall_poisson_ratio: float = parameter(0.42, unit="1", low=0.0, high=0.5, source="low-density polyethylene 0.40-0.46")
+    wall_poisson_ratio: float = parameter(
+        0.42, unit="1", low=0.0, high=0.5, source="low-density polyethylene 0.40-0.46"
+    )
 
     def compile(self, sheath_radius: float, wall_thickness: float, modulus: float) -> RetractionBucklingParameters:
         """Return the SI parameters for a sheath of that radius [m], thickness [m] and modulus [Pa]."""

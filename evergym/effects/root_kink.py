@@ -27,8 +27,12 @@ class RootKink:
     Source: the paper's Fig. 9, M_0 = 1.20e-4 +- 0.10e-4 N m and c = 0.305 +- 0.028 from its five points.
     """
 
-    moment_n_m: float = parameter(0.0, unit="N m", low=0.0, high=1.0, source="Fig. 9: 1.20e-4; off in the default model")
-    pressure_share: float = parameter(0.0, unit="1", low=0.0, high=2.0, source="Fig. 9: 0.305; off in the default model")
+    moment_n_m: float = parameter(
+        0.0, unit="N m", low=0.0, high=1.0, source="Fig. 9: 1.20e-4; off in the default model"
+    )
+    pressure_share: float = parameter(
+        0.0, unit="1", low=0.0, high=2.0, source="Fig. 9: 0.305; off in the default model"
+    )
 
     def compile(self) -> RootKinkParameters:
         """Return the parameters."""

@@ -26,7 +26,12 @@ class TailCapstanFriction:
     """
 
     mu: float = parameter(
-        0.05, unit="1", low=0.0, high=1.0, prior=True, source="low end of 0.05-0.3, wet low-density polyethylene on itself"
+        0.05,
+        unit="1",
+        low=0.0,
+        high=1.0,
+        prior=True,
+        source="low end of 0.05-0.3, wet low-density polyethylene on itself",
     )
 
     def compile(self) -> TailCapstanFrictionParameters:

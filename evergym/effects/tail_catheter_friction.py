@@ -40,7 +40,11 @@ class TailCatheterFriction:
 
 @njit
 def compute_squeeze_loss(
-    parameters: TailCatheterFrictionParameters, pressure: float, overlap: float, catheter_radius: float, sheath_radius: float
+    parameters: TailCatheterFrictionParameters,
+    pressure: float,
+    overlap: float,
+    catheter_radius: float,
+    sheath_radius: float,
 ) -> float:
     """Return the pressure [Pa] lost over the length ``overlap`` [m] along which the tail encloses the catheter."""
     if parameters.mu == 0.0:

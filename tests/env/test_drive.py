@@ -27,25 +27,25 @@ def test_velocity_acts_at_once_and_set_points_follow() -> None:
     drive = Drive(LIMITS)
     duration = 0.25
     full = [1.0, 0.0, 1.0, 1.0]
-    first = drive.command(full, duration, 0.01)
+    first = drive.command(full, duration, 0.01, 0.01)
     assert first.insertion_velocity == LIMITS.insertion_velocity
     assert first.tendon_pull == pytest.approx(LIMITS.tendon_pull_rate * duration)
     assert first.pressure == pytest.approx(LIMITS.pressure_rate * duration)
     steps = int(np.ceil(LIMITS.tendon_pull / (LIMITS.tendon_pull_rate * duration)))
     for _ in range(steps - 2):
-        assert drive.command(full, duration, 0.01).tendon_pull < LIMITS.tendon_pull
-    assert drive.command(full, duration, 0.01).tendon_pull == LIMITS.tendon_pull
-    assert drive.command([0.0, 0.0, -1.0, 0.0], duration, 0.01).tendon_pull < LIMITS.tendon_pull
+        assert drive.command(full, duration, 0.01, 0.01).tendon_pull < LIMITS.tendon_pull
+    assert drive.command(full, duration, 0.01, 0.01).tendon_pull == LIMITS.tendon_pull
+    assert drive.command([0.0, 0.0, -1.0, 0.0], duration, 0.01, 0.01).tendon_pull < LIMITS.tendon_pull
 
 
 def test_the_tail_is_coupled() -> None:
     """No tail velocity of its own: the simulator feeds twice the insertion, in both directions."""
-    assert Drive(LIMITS).command([-1.0, 0.0, 0.0, 0.0], 0.25, 0.01).tail_feed_velocity is None
+    assert Drive(LIMITS).command([-1.0, 0.0, 0.0, 0.0], 0.25, 0.01, 0.01).tail_feed_velocity is None
 
 
 def test_catheter_is_not_withdrawn_beyond_the_port() -> None:
     """The velocity is what brings its end to the port, not more."""
-    command = Drive(LIMITS).command([-1.0, 0.0, 0.0, 0.0], 0.5, 0.2 * MM)
+    command = Drive(LIMITS).command([-1.0, 0.0, 0.0, 0.0], 0.5, 0.2 * MM, 10.0 * MM)
     assert command.insertion_velocity == pytest.approx(-0.4 * MM)
 
 
@@ -100,3 +100,14 @@ def test_long_control_steps_keep_ramps() -> None:
         *_, fast_info = fast.step(action)
     for key in ("everted_length_mm", "pressure_kpa", "tendon_pull_mm", "time_s"):
         assert slow_info[key] == fast_info[key]
+
+
+def test_the_interlock_holds_a_catheter_that_is_far_ahead_and_feeds_the_tail_on() -> None:
+    drive = Drive(LIMITS)
+    free = drive.command([1.0, 0.0, 0.0, 0.0], 0.25, 0.015, 0.010)
+    assert free.insertion_velocity == LIMITS.insertion_velocity and free.tail_feed_velocity is None
+    held = drive.command([1.0, 0.0, 0.0, 0.0], 0.25, 0.010 + LIMITS.protrusion, 0.010)
+    assert held.insertion_velocity == 0.0
+    assert held.tail_feed_velocity == 2.0 * LIMITS.insertion_velocity
+    back = drive.command([-1.0, 0.0, 0.0, 0.0], 0.25, 0.010 + LIMITS.protrusion, 0.010)
+    assert back.insertion_velocity == -LIMITS.insertion_velocity and back.tail_feed_velocity is None
