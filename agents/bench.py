@@ -1,9 +1,10 @@
 """``evergym bench``: speed in CPU time, with the accuracy it was reached at, in one run.
 
-The duty-cycle controller drives the robot down held-out ducts until 50 mm are everted (and among pegs to the target); the
-commands that it gave are then replayed by the simulator at the default resolution, against the clock, and at a resolution four
-times finer in sections and in time. A command record is open loop, so both see the same drive, and the change of the tip is that
-of the numerics. CPU time is the process's own; quote ratios, and compare on one machine in one run.
+The duty-cycle controller drives the robot down held-out ducts until 50 mm are everted (and among pegs to the target);
+the commands that it gave are then replayed by the simulator at the default resolution, against the clock, and at a
+resolution four times finer in sections and in time. A command record is open loop, so both see the same drive, and the
+change of the tip is that of the numerics. CPU time is the process's own; quote ratios, and compare on one machine in
+one run.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evergym.agents.bench_scripts import Script, record_duct, record_free, record_pegs
 from evergym.equilibrium import add_contacts
@@ -23,7 +23,7 @@ from evergym.errors import ConfigError
 from evergym.jit import njit
 from evergym.model import Model, Numerics, load_model
 from evergym.simulator import Simulator
-from evergym.state import Scalar
+from evergym.state import Array, Parameters, Scalar, State, Workspace
 
 __all__ = ["Bench", "Replay", "replay"]
 
@@ -51,16 +51,16 @@ class Replay:
     seconds: float
     contact: float
     robot_seconds: float
-    tip: NDArray[np.float64]
-    contacts: NDArray[np.float64]
-    sections: NDArray[np.float64]
+    tip: Array
+    contacts: Array
+    sections: Array
     everted: float
     substeps: int
     iterations: int
 
 
 @njit
-def _repeat_contacts(parameters, state, ws, dt, count):  # type: ignore[no-untyped-def]
+def _repeat_contacts(parameters: Parameters, state: State, ws: Workspace, dt: float, count: int) -> None:
     for _ in range(count):
         add_contacts(parameters, state, ws, state.position, state.frame, dt)
 
@@ -82,7 +82,8 @@ def replay(script: Script, model: Model, numerics: Numerics, *, time_contacts: b
         contacts.append(reading.contact_count)
         sections.append(int(state.links[0]))
         if time_contacts:
-            # An evaluation of all contacts per iteration and one to begin each step; repeated, to be above the clock's grain.
+            # An evaluation of all contacts per iteration and one to begin each step; repeated, to be above the clock's
+            # grain.
             count = int((state.scalar[[Scalar.ITERATIONS, Scalar.SUBSTEPS]] - before).sum())
             start = time.process_time()
             _repeat_contacts(simulator.parameters, state, simulator.workspace, 0.1, 10 * count)
@@ -147,7 +148,7 @@ class Bench:
             step_s=numerics.step_s / REFINEMENT,
         )
         cpu = robot = env_cpu = contact = env_steps = 0.0
-        rows = []
+        rows: list[dict[str, Any]] = []
         for script in scripts:
             runs = [replay(script, model, numerics, time_contacts=i == 0) for i in range(self.repeats)]
             best = min(runs, key=lambda run: run.seconds)

@@ -1,4 +1,4 @@
-"""What the benchmark drives: command records of the duty cycle in ducts and among pegs, and a bench protocol in free space."""
+"""What the benchmark drives: the duty cycle in ducts and among pegs, and a bench protocol in free space."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _sweep(last: Command) -> list[Command]:
 
 
 def record_duct(model: str, rank: int) -> Script:
-    """Return the drive to the end of the ``rank``-th held-out duct that takes 50 mm of everted length, and a sweep there."""
+    """Return the drive to the end of the ``rank``-th held-out duct that takes 50 mm, and a sweep there."""
     found = -1
     for index in range(200):
         duct = _lead_to_leaf(generate_duct("held_out", index))
@@ -135,7 +135,7 @@ def record_pegs(model: str, index: int) -> Script:
 
 
 def record_free(model: Model) -> Script:
-    """Return the bench protocol: growth, a tendon ramp up and down, half a turn under pull, pressure steps, and retraction."""
+    """Return the bench protocol: growth, tendon up, half a turn, pressure steps, tendon down, retraction."""
     pull = model.robot.tendon_max_pull_mm * MM
     high = 0.95 * model.robot.pressure_max_kpa * KPA
     feed = 0.5 * model.robot.feed_max_mm_s * MM

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 
-from evergym.duct_models.field import compute_wall_distance
+from evergym.duct_models.field import WallField, compute_wall_distance
 from evergym.duct_models.pegs import compute_peg_distance
-from evergym.effects.duct_compliance import compute_wall_force
+from evergym.effects.contact_friction import ContactFrictionParameters
+from evergym.effects.duct_compliance import DuctComplianceParameters, compute_wall_force
 from evergym.jit import njit
+from evergym.state import Array
 
 __all__ = ["add_contact", "add_friction"]
 
 
 @njit
-def _add_spring(force, stiffness, normal, curvature, gradient, hessian):  # type: ignore[no-untyped-def]
+def _add_spring(
+    force: float, stiffness: float, normal: Array, curvature: Array, gradient: Array, hessian: Array
+) -> None:
     """Add a spring along the distance's gradient; the wall's curvature is part of the Hessian."""
     for a in range(3):
         gradient[a] -= force * normal[a]
@@ -23,22 +27,23 @@ def _add_spring(force, stiffness, normal, curvature, gradient, hessian):  # type
 
 @njit
 def add_contact(
-    has_wall,
-    wall,
-    pegs,
-    law,
-    friction,
-    point,
-    radius,
-    tributary,
-    previous_depth,
-    dt,
-    normal,
-    curvature,
-    gradient,
-    hessian,
-):  # type: ignore[no-untyped-def]
-    """Add the contact of a sphere at ``point`` and return its energy [J], largest depth [m] and friction limit mu N [N].
+    has_wall: bool,
+    wall: WallField,
+    pegs: Array,
+    law: DuctComplianceParameters,
+    friction: ContactFrictionParameters,
+    point: Array,
+    radius: float,
+    tributary: float,
+    previous_depth: float,
+    dt: float,
+    normal: Array,
+    curvature: Array,
+    gradient: Array,
+    hessian: Array,
+) -> tuple[float, float, float]:
+    """Add the contact of a sphere at ``point`` and return its energy [J], largest depth [m] and friction limit mu N
+    [N].
 
     Args:
         has_wall: Whether there is a duct.
@@ -86,11 +91,13 @@ def add_contact(
 
 
 @njit
-def add_friction(limit, normal, point, reference, slip_distance, gradient, hessian):  # type: ignore[no-untyped-def]
+def add_friction(
+    limit: float, normal: Array, point: Array, reference: Array, slip_distance: float, gradient: Array, hessian: Array
+) -> float:
     """Add regularised Coulomb friction against sliding from ``reference`` and return its potential [J].
 
-    The potential limit * (sqrt(u^2 + e^2) - e) of the tangential motion u is convex: its force opposes the motion and tends to
-    the limit. The limit and the normal are those of the last step, so that the potential exists.
+    The potential limit * (sqrt(u^2 + e^2) - e) of the tangential motion u is convex: its force opposes the motion and
+    tends to the limit. The limit and the normal are those of the last step, so that the potential exists.
 
     Args:
         limit: mu N [N].

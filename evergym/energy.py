@@ -37,8 +37,8 @@ class Energies(NamedTuple):
 def compute_energies(simulator: Simulator) -> Energies:
     """Return the energies of the simulator's present state.
 
-    Work of the tip load and of the drives is not included: over a step at constant pressure and lengths, what they do less the
-    change of the total is what friction and damping take.
+    Work of the tip load and of the drives is not included: over a step at constant pressure and lengths, what they do
+    less the change of the total is what friction and damping take.
 
     Args:
         simulator: In any state; it is not changed.

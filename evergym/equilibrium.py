@@ -1,9 +1,10 @@
 """The energy of one implicit step, and the Newton method that finds its minimum.
 
-The unknowns are the two bends and the twist of every link; the sections follow from them by exact kinematics, so the axis is
-inextensible and no stiff mode exists. The energy is a sum over links (springs) and nodes (inertia, weight, contact), hence its
-Newton step is a linear-quadratic control problem: `evergym.riccati` solves it from tip to base at a cost linear in the number of
-links, and the step is applied from base to tip with feedback on the motion that the sections really make.
+The unknowns are the two bends and the twist of every link; the sections follow from them by exact kinematics, so the
+axis is inextensible and no stiff mode exists. The energy is a sum over links (springs) and nodes (inertia, weight,
+contact), hence its Newton step is a linear-quadratic control problem: `evergym.riccati` solves it from tip to base at
+a cost linear in the number of links, and the step is applied from base to tip with feedback on the motion that the
+sections really make.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from evergym.contact import add_contact, add_friction
 from evergym.jit import njit
 from evergym.links import add_springs, place_link
 from evergym.riccati import sweep_back
-from evergym.state import Scalar
+from evergym.state import Array, Parameters, Scalar, State, Workspace
 
 __all__ = ["Status", "add_contacts", "solve_equilibrium"]
 
@@ -36,7 +37,9 @@ class Status:
 
 
 @njit
-def _add_nodes(parameters, state, command, ws, position, frame, dt):  # type: ignore[no-untyped-def]
+def _add_nodes(
+    parameters: Parameters, state: State, command: Array, ws: Workspace, position: Array, frame: Array, dt: float
+) -> float:
     """Overwrite the nodes' derivatives and the workspace's contact records, and return the nodes' energy [J].
 
     The forces, in this order: inertia, weight, the load on the tip, contact, friction.
@@ -77,7 +80,9 @@ def _add_nodes(parameters, state, command, ws, position, frame, dt):  # type: ig
 
 
 @njit
-def add_contacts(parameters, state, ws, position, frame, dt):  # type: ignore[no-untyped-def]
+def add_contacts(
+    parameters: Parameters, state: State, ws: Workspace, position: Array, frame: Array, dt: float
+) -> float:
     """Add contact and friction to the nodes' derivatives, record the contacts, and return their energy [J]."""
     gradient = ws.contact_gradient
     hessian = ws.contact_hessian
@@ -135,7 +140,7 @@ def add_contacts(parameters, state, ws, position, frame, dt):  # type: ignore[no
 
 
 @njit
-def _add_lever(back, frame, force, stiffness, gradient, hessian):  # type: ignore[no-untyped-def]
+def _add_lever(back: float, frame: Array, force: Array, stiffness: Array, gradient: Array, hessian: Array) -> None:
     """Add the rotational derivatives of an energy of the point x - back * tangent, given its translational ones."""
     lx = -back * frame[0, 2]
     ly = -back * frame[1, 2]
@@ -169,8 +174,22 @@ def _add_lever(back, frame, force, stiffness, gradient, hessian):  # type: ignor
 
 
 @njit
-def _evaluate(parameters, state, command, ws, bend, roll, position, frame, dt, place):  # type: ignore[no-untyped-def]
-    """Place all sections (unless they are), overwrite all derivatives, and return energy [J], tendon stretch [m] and its tension [N]."""
+def _evaluate(
+    parameters: Parameters,
+    state: State,
+    command: Array,
+    ws: Workspace,
+    bend: Array,
+    roll: Array,
+    position: Array,
+    frame: Array,
+    dt: float,
+    place: bool,
+) -> tuple[float, float, float]:
+    """Place all sections, overwrite all derivatives, and return energy [J], tendon stretch [m] and tension [N].
+
+    With ``place`` false the sections lie where the bends put them already.
+    """
     n = state.links[0]
     if place:
         for j in range(n):
@@ -203,10 +222,11 @@ def _evaluate(parameters, state, command, ws, bend, roll, position, frame, dt, p
 
 
 @njit
-def _apply_step(step, scale, n, ws, state):  # type: ignore[no-untyped-def]
+def _apply_step(step: float, scale: float, n: int, ws: Workspace, state: State) -> None:
     """Overwrite the trial bends and rolls with a step of size ``scale``, section by section from the base.
 
-    Each link answers to the motion of its first section that the trial really makes: the trial positions are placed as it goes.
+    Each link answers to the motion of its first section that the trial really makes: the trial positions are placed as
+    it goes.
     """
     for j in range(n):
         d0 = ws.position[j, 0] - state.position[j, 0]
@@ -247,7 +267,7 @@ def _apply_step(step, scale, n, ws, state):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _accept(n, ws, state):  # type: ignore[no-untyped-def]
+def _accept(n: int, ws: Workspace, state: State) -> None:
     for i in range(n + 1):
         state.roll[i] = ws.roll[i]
         for a in range(3):
@@ -260,7 +280,7 @@ def _accept(n, ws, state):  # type: ignore[no-untyped-def]
 
 
 @njit
-def solve_equilibrium(parameters, state, command, ws, dt):  # type: ignore[no-untyped-def]
+def solve_equilibrium(parameters: Parameters, state: State, command: Array, ws: Workspace, dt: float) -> int:
     """Move ``state`` to the minimum of the step's energy; its sections must be placed, its first roll set.
 
     Args:
@@ -318,7 +338,8 @@ def solve_equilibrium(parameters, state, command, ws, dt):  # type: ignore[no-un
                 parameters, state, command, ws, state.bend, state.roll, state.position, state.frame, dt, True
             )
             if decrease <= parameters.numerics.energy_tolerance * 1e3 or damping >= DAMPING_MAX:
-                # No step lowers the energy: it is a minimum to rounding, or the derivatives fail at a kink of the energy.
+                # No step lowers the energy: it is a minimum to rounding, or the derivatives fail at a kink of the
+                # energy.
                 status = 0 if decrease <= parameters.numerics.energy_tolerance * 1e3 else 1
                 break
             damping = max(10.0 * damping, DAMPING_MIN)

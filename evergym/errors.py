@@ -1,4 +1,4 @@
-"""Every error that evergym raises on purpose. Each says what is wrong, where, the value and the limit, and what to do."""
+"""Every error that evergym raises on purpose: what is wrong, where, the value and the limit, and what to do."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Growth by eversion and retraction by inversion: how far the wall's tip moves in a step, and the tail that it takes.
 
-The driving pressure is what remains of the gauge pressure p after the yield, the friction of the tail along its length, on the
-catheter and in bends, and the contact force on the tip. It drives growth as fast as the rate law allows, if there is tail:
-slack is laid in freely, a taut tail comes at the drive's pace. Pulled back, the tail first gives up its slack; then it inverts the
-wall, or buckles the robot if that takes more than the column carries.
+The driving pressure is what remains of the gauge pressure p after the yield, the friction of the tail along its
+length, on the catheter and in bends, and the contact force on the tip. It drives growth as fast as the rate law
+allows, if there is tail: slack is laid in freely, a taut tail comes at the drive's pace. Pulled back, the tail first
+gives up its slack; then it inverts the wall, or buckles the robot if that takes more than the column carries.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from evergym.effects.tail_coulomb_friction import compute_tail_loss
 from evergym.effects.viscous_eversion import compute_pressure_speed
 from evergym.jit import njit
 from evergym.lattice import compute_bundle
-from evergym.state import Scalar
+from evergym.state import Array, Parameters, Scalar, State, Workspace
 
 __all__ = ["EVERTED_LENGTH_MIN", "update_eversion"]
 
@@ -31,7 +31,9 @@ EVERTED_LENGTH_MIN = 2e-3
 
 
 @njit
-def _compute_resistance(parameters, state, length, feed_speed, turn_angle, moving):  # type: ignore[no-untyped-def]
+def _compute_resistance(
+    parameters: Parameters, state: State, length: float, feed_speed: float, turn_angle: float, moving: bool
+) -> tuple[float, float, float]:
     """Return the pressure [Pa] that yield and tail friction take from growth at the everted ``length`` [m]."""
     effects = parameters.effects
     pressure = state.scalar[Scalar.PRESSURE]
@@ -50,7 +52,7 @@ def _compute_resistance(parameters, state, length, feed_speed, turn_angle, movin
 
 
 @njit
-def _compute_column_limit(parameters, state, ws):  # type: ignore[no-untyped-def]
+def _compute_column_limit(parameters: Parameters, state: State, ws: Workspace) -> float:
     """Return the axial load [N] that the robot carries over its longest span between wall contacts."""
     robot = parameters.robot
     n = state.links[0]
@@ -75,7 +77,7 @@ def _compute_column_limit(parameters, state, ws):  # type: ignore[no-untyped-def
 
 
 @njit
-def _pull_tail(parameters, state, ws, turn_angle, pulled):  # type: ignore[no-untyped-def]
+def _pull_tail(parameters: Parameters, state: State, ws: Workspace, turn_angle: float, pulled: float) -> float:
     """Take ``pulled`` [m] of tail out: slack first, then inverted wall; a column that cannot carry it buckles."""
     scalar = state.scalar
     slack = max(scalar[Scalar.FED_LENGTH] - 2.0 * scalar[Scalar.EVERTED_LENGTH], 0.0)
@@ -109,11 +111,19 @@ def _pull_tail(parameters, state, ws, turn_angle, pulled):  # type: ignore[no-un
     inverted = min(0.5 * rest, max(scalar[Scalar.EVERTED_LENGTH] - EVERTED_LENGTH_MIN, 0.0))
     scalar[Scalar.EVERTED_LENGTH] -= inverted
     scalar[Scalar.FED_LENGTH] -= 2.0 * inverted
-    return -inverted
+    return -float(inverted)
 
 
 @njit
-def _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, dt):  # type: ignore[no-untyped-def]
+def _grow(
+    parameters: Parameters,
+    state: State,
+    turn_angle: float,
+    tip_force: float,
+    tip_stiffness: float,
+    feed: float,
+    dt: float,
+) -> float:
     """Grow for ``dt`` [s], with the tail fed at ``feed`` [m/s], and return the growth [m]."""
     scalar = state.scalar
     effects = parameters.effects
@@ -156,11 +166,11 @@ def _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, dt):  #
         scalar[Scalar.TAIL_TENSION] = 0.5 * driving * area * max(1.0 - growth / (speed * dt), 0.0)
     growth = min(growth, robot.everted_length_max - length)
     scalar[Scalar.EVERTED_LENGTH] = length + growth
-    return growth
+    return float(growth)
 
 
 @njit
-def update_eversion(parameters, state, command, ws, dt):  # type: ignore[no-untyped-def]
+def update_eversion(parameters: Parameters, state: State, command: Array, ws: Workspace, dt: float) -> None:
     """Slide the catheter, feed or pull the tail, and grow or invert the wall, for one step.
 
     Args:
@@ -195,7 +205,7 @@ def update_eversion(parameters, state, command, ws, dt):  # type: ignore[no-unty
         tip_force = max(tip_force, 0.0)
         tip_stiffness = scalar[Scalar.TIP_STIFFNESS]
     feed = command[1]
-    count = max(int(math.ceil(dt / GROWTH_STEP - 1e-9)), 1)
+    count = max(math.ceil(dt / GROWTH_STEP - 1e-9), 1)
     step = dt / count
     scalar[Scalar.BUCKLED] = 0.0
     for _ in range(count):

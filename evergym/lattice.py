@@ -1,11 +1,12 @@
 """The spring lattices of catheter and sheath: fibres that join neighbouring sections.
 
-Every elastic property comes from these line springs. A *bundle* is the set of fibres of one body; between two sections it is
-stretched by the mean strain e and bent by the rotation phi (about the section's x and y axes), so that the fibre anchored at
-(x, y) has the strain e + (phi_x y - phi_y x) / l - rest. A fibre has its stiffness down to a buckling strain, beyond which it
-carries no more: zero for a film (tension only), infinite for a solid. The mean strain is eliminated: it takes the value at which
-the fibres balance the axial force (the pressure thrust p A for the sheath, none for the catheter). No bending stiffness is
-entered anywhere: wrinkling, stiffening by pressure, and bending by a softened fibre emerge.
+Every elastic property comes from these line springs. A *bundle* is the set of fibres of one body; between two sections
+it is stretched by the mean strain e and bent by the rotation phi (about the section's x and y axes), so that the fibre
+anchored at (x, y) has the strain e + (phi_x y - phi_y x) / l - rest. A fibre has its stiffness down to a buckling
+strain, beyond which it carries no more: zero for a film (tension only), infinite for a solid. The mean strain is
+eliminated: it takes the value at which the fibres balance the axial force (the pressure thrust p A for the sheath,
+none for the catheter). No bending stiffness is entered anywhere: wrinkling, stiffening by pressure, and bending by a
+softened fibre emerge.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ def build_sheath_bundle(robot: RobotConfig, effects: Effects, fibre_count: int) 
     """Return ``fibre_count`` equal fibres around the sheath whose rigidities add up to that of the film."""
     radius = 0.5 * robot.sheath_outer_diameter_mm * MM
     rigidity = robot.sheath_modulus_mpa * MPA * 2.0 * math.pi * radius * robot.sheath_wall_um * UM
-    # Half a step of rotation keeps the fibres off the axes, so that no load in an axis plane meets a single outermost fibre.
+    # Half a step of rotation keeps the fibres off the axes, so that no load in an axis plane meets a single outermost
+    # fibre.
     angle = 2.0 * math.pi * (np.arange(fibre_count) + 0.5) / fibre_count
     bundle = np.zeros((fibre_count, 5))
     bundle[:, 0] = rigidity / fibre_count
@@ -42,7 +44,8 @@ def build_sheath_bundle(robot: RobotConfig, effects: Effects, fibre_count: int) 
     if not effects.wall_wrinkling.enabled:
         bundle[:, 4] = math.inf
     elif effects.root_kink.moment_n_m > 0.0:
-        # A film that resists a moment M_0 without pressure: a thin ring yielding on both sides carries 4 R T / 2 pi of it.
+        # A film that resists a moment M_0 without pressure: a thin ring yielding on both sides carries 4 R T / 2 pi of
+        # it.
         bundle[:, 4] = effects.root_kink.moment_n_m * math.pi / (2.0 * radius * rigidity)
     return bundle
 
@@ -74,7 +77,9 @@ def build_proximal_bundle(robot: RobotConfig) -> FibreBundle:
 
 
 @njit
-def compute_bundle(bundle, axial_force, bend_x, bend_y, length, out):  # type: ignore[no-untyped-def]
+def compute_bundle(
+    bundle: FibreBundle, axial_force: float, bend_x: float, bend_y: float, length: float, out: FibreBundle
+) -> None:
     """Bend a bundle of fibres between two sections, with its mean strain in balance.
 
     Args:
@@ -83,8 +88,8 @@ def compute_bundle(bundle, axial_force, bend_x, bend_y, length, out):  # type: i
         bend_x: Rotation between the sections about x [rad].
         bend_y: Rotation about y [rad].
         length: Rest length of the fibres [m].
-        out: Overwritten, shape (7,): energy less the work of the axial force [J]; moment x, y [N m]; stiffness xx, xy, yy
-            [N m]; mean strain [1].
+        out: Overwritten, shape (7,): energy less the work of the axial force [J]; moment x, y [N m]; stiffness xx, xy,
+            yy [N m]; mean strain [1].
     """
     n = bundle.shape[0]
     kx = bend_x / length
@@ -97,7 +102,8 @@ def compute_bundle(bundle, axial_force, bend_x, bend_y, length, out):  # type: i
         taut = 0
         for i in range(n):
             offset = kx * bundle[i, 2] - ky * bundle[i, 1] - bundle[i, 3]
-            # The first sweep takes every fibre as taut; then Newton on a convex, piecewise quadratic energy ends in few.
+            # The first sweep takes every fibre as taut; then Newton on a convex, piecewise quadratic energy ends in
+            # few.
             if previous_taut < 0 or strain + offset > -bundle[i, 4]:
                 s0 += bundle[i, 0]
                 sx += bundle[i, 0] * bundle[i, 2]

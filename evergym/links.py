@@ -7,20 +7,30 @@ import math
 from evergym.effects.root_kink import compute_kink_moment
 from evergym.jit import njit
 from evergym.lattice import compute_bundle
-from evergym.state import Scalar
+from evergym.state import Array, Parameters, Scalar, State, Workspace
 
 __all__ = ["add_springs", "place_link"]
 
 UNUSED_TWIST_SHARE = 1e-3
-"""Torsional rigidity of a link without catheter, as a share of the catheter's: the roll there means nothing but needs a value."""
+"""Torsional rigidity of a link without catheter, as a share of the catheter's: its roll needs some value."""
 
 
 @njit
-def place_link(j, length, px, py, link, column, half_column, position, frame):  # type: ignore[no-untyped-def]
+def place_link(
+    j: int,
+    length: float,
+    px: float,
+    py: float,
+    link: Array,
+    column: Array,
+    half_column: Array,
+    position: Array,
+    frame: Array,
+) -> None:
     """Place section j + 1 from section j and the bend between them, and the derivatives that the solver needs.
 
-    The link is straight and points along the tangent halfway through its bend, so a uniformly bent link is exact to second
-    order. Overwrites ``position[j + 1]``, ``frame[j + 1]``, and row j of the three arrays of derivatives.
+    The link is straight and points along the tangent halfway through its bend, so a uniformly bent link is exact to
+    second order. Overwrites ``position[j + 1]``, ``frame[j + 1]``, and row j of the three arrays of derivatives.
 
     Args:
         j: Link.
@@ -78,7 +88,18 @@ def place_link(j, length, px, py, link, column, half_column, position, frame):  
 
 
 @njit
-def _add_catheter(bundle, share, length, bend_x, bend_y, c, s, section, gradient, hessian):  # type: ignore[no-untyped-def]
+def _add_catheter(
+    bundle: Array,
+    share: float,
+    length: float,
+    bend_x: float,
+    bend_y: float,
+    c: float,
+    s: float,
+    section: Array,
+    gradient: Array,
+    hessian: Array,
+) -> float:
     """Bend a catheter bundle that is rolled by the angle with cosine c and sine s, and return its energy."""
     cx = c * bend_x + s * bend_y
     cy = -s * bend_x + c * bend_y
@@ -110,11 +131,11 @@ def _add_catheter(bundle, share, length, bend_x, bend_y, c, s, section, gradient
     hessian[2, 2] += 0.25 * roll_roll
     hessian[2, 3] += 0.5 * roll_roll
     hessian[3, 3] += roll_roll
-    return share * section[0]
+    return float(share * section[0])
 
 
 @njit
-def _sum_stiffness(bundle):  # type: ignore[no-untyped-def]
+def _sum_stiffness(bundle: Array) -> float:
     """Return the bending stiffness [N m^2] of a bundle whose fibres are all taut, about y."""
     total = 0.0
     for i in range(bundle.shape[0]):
@@ -123,11 +144,15 @@ def _sum_stiffness(bundle):  # type: ignore[no-untyped-def]
 
 
 @njit
-def add_springs(parameters, state, ws, bend, roll, dt):  # type: ignore[no-untyped-def]
-    """Overwrite the links' derivatives by bends, twist and first roll, and return their energy [J] and the tendon's path [m].
+def add_springs(
+    parameters: Parameters, state: State, ws: Workspace, bend: Array, roll: Array, dt: float
+) -> tuple[float, float]:
+    """Overwrite the links' derivatives by bends, twist and first roll, and return their energy [J] and the tendon's
+    path [m].
 
-    The forces, in this order: sheath fibres under pressure (or the kink at the root), flexible and proximal catheter fibres,
-    torsional braces, damping in the fibres, the tail of a buckled column. The tendon's own energy is left to the caller.
+    The forces, in this order: sheath fibres under pressure (or the kink at the root), flexible and proximal catheter
+    fibres, torsional braces, damping in the fibres, the tail of a buckled column. The tendon's own energy is left to
+    the caller.
 
     Args:
         parameters: `Parameters`.

@@ -93,13 +93,13 @@ def check_model(model: Model, where: str) -> Model:
     inner = robot.sheath_outer_diameter_mm - 2.0 * robot.sheath_wall_um * UM / MM
     if robot.catheter_inner_diameter_mm >= robot.catheter_outer_diameter_mm:
         raise ConfigError(
-            f"{where}: robot.catheter_inner_diameter_mm is {robot.catheter_inner_diameter_mm:g} mm, not below the outer "
-            f"diameter of {robot.catheter_outer_diameter_mm:g} mm. Give the catheter a wall."
+            f"{where}: robot.catheter_inner_diameter_mm is {robot.catheter_inner_diameter_mm:g} mm, not below the "
+            f"outer diameter of {robot.catheter_outer_diameter_mm:g} mm. Give the catheter a wall."
         )
     if robot.catheter_outer_diameter_mm >= inner:
         raise ConfigError(
-            f"{where}: robot.catheter_outer_diameter_mm is {robot.catheter_outer_diameter_mm:g} mm and does not fit into the "
-            f"sheath, whose inner diameter is {inner:.3f} mm. Use a thinner catheter or a wider sheath."
+            f"{where}: robot.catheter_outer_diameter_mm is {robot.catheter_outer_diameter_mm:g} mm and does not fit "
+            f"into the sheath, whose inner diameter is {inner:.3f} mm. Use a thinner catheter or a wider sheath."
         )
     return model
 
@@ -116,7 +116,8 @@ def compile_robot(model: Model, numerics: Numerics, setup: str) -> RobotParamete
     inner_radius = sheath_radius - robot.sheath_wall_um * UM
     catheter_radius = 0.5 * robot.catheter_outer_diameter_mm * MM
     catheter_mass = robot.catheter_mass_g * GRAM / (robot.catheter_length_mm * MM) + TENDON_MASS_PER_METRE
-    # Table I gives the sheath's mass for 95 mm of double wall. The catheter's bore is dry: the sum meets the paper's 0.074 N/m.
+    # Table I gives the sheath's mass for 95 mm of double wall. The catheter's bore is dry: the sum meets the paper's
+    # 0.074 N/m.
     wall_mass = robot.sheath_mass_g * GRAM / 0.095
     return RobotParameters(
         sheath_bundle=build_sheath_bundle(robot, effects, numerics.sheath_fibres),

@@ -1,10 +1,11 @@
-"""The linear system of a Newton step, solved from tip to base: the backward sweep of a linear-quadratic control problem.
+"""The linear system of a Newton step, solved from tip to base: the backward sweep of a linear-quadratic control
+problem.
 
-The section at node j moves by seven numbers s = (displacement, rotation, roll); the link's three unknowns u = (bend x, bend y,
-twist) carry that motion on to node j + 1. The sweep keeps the quadratic energy of everything beyond a node, P and p, and
-eliminates one link after the other: a block LDL' factorisation in which every pivot is 3 x 3. Two right-hand sides are carried:
-the energy's gradient and the tendon's path, which a rank-one correction needs. Rotations are composed to second order, so that
-the sweep is exact Newton but for terms of the order of one link's bend.
+The section at node j moves by seven numbers s = (displacement, rotation, roll); the link's three unknowns u = (bend x,
+bend y, twist) carry that motion on to node j + 1. The sweep keeps the quadratic energy of everything beyond a node, P
+and p, and eliminates one link after the other: a block LDL' factorisation in which every pivot is 3 x 3. Two
+right-hand sides are carried: the energy's gradient and the tendon's path, which a rank-one correction needs. Rotations
+are composed to second order, so that the sweep is exact Newton but for terms of the order of one link's bend.
 """
 
 from __future__ import annotations
@@ -12,15 +13,16 @@ from __future__ import annotations
 import math
 
 from evergym.jit import njit
+from evergym.state import Array, Workspace
 
 __all__ = ["sweep_back"]
 
 PIVOT_MIN = 1e-9
-"""Smallest pivot, as a share of the link's own stiffness; a smaller or negative one is raised (the energy is not convex there)."""
+"""Smallest pivot, as a share of the link's stiffness; a smaller one is raised (no convexity there)."""
 
 
 @njit
-def _factor(quu, scale):  # type: ignore[no-untyped-def]
+def _factor(quu: Array, scale: float) -> tuple[float, float, float, float, float, float]:
     """Return the Cholesky factor's six entries of a symmetric 3 x 3 matrix, shifted until its pivots are positive."""
     shift = 0.0
     floor = PIVOT_MIN * scale
@@ -43,7 +45,9 @@ def _factor(quu, scale):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _solve(l00, l10, l11, l20, l21, l22, b0, b1, b2):  # type: ignore[no-untyped-def]
+def _solve(
+    l00: float, l10: float, l11: float, l20: float, l21: float, l22: float, b0: float, b1: float, b2: float
+) -> tuple[float, float, float]:
     y0 = b0 / l00
     y1 = (b1 - l10 * y0) / l11
     y2 = (b2 - l20 * y0 - l21 * y1) / l22
@@ -54,7 +58,7 @@ def _solve(l00, l10, l11, l20, l21, l22, b0, b1, b2):  # type: ignore[no-untyped
 
 
 @njit
-def sweep_back(n, ws, damping):  # type: ignore[no-untyped-def]
+def sweep_back(n: int, ws: Workspace, damping: float) -> tuple[float, float, float]:
     """Overwrite the gains and steps of all links from the derivatives in the workspace.
 
     Args:

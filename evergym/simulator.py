@@ -159,7 +159,8 @@ class Simulator:
             pressure: [Pa gauge].
             tendon_pull: [m].
             roll: Of the catheter [rad].
-            path: Points from the port on along which to lay the robot before it settles [m], shape (k, 3); None: straight.
+            path: Points from the port on along which to lay the robot before it settles [m], shape (k, 3); None:
+                straight.
 
         Raises:
             ConfigError: a length outside the robot's.
@@ -293,7 +294,9 @@ class Simulator:
 
     def save(self) -> Snapshot:
         """Return a copy of the whole state."""
-        return Snapshot(State(*(array.copy() for array in self.state)))
+        saved = create_state(self.state.length.shape[0])
+        copy_state(self.state, saved)
+        return Snapshot(saved)
 
     def restore(self, snapshot: Snapshot) -> Reading:
         """Return to a saved state, bit for bit, and return its reading.

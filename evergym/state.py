@@ -12,6 +12,7 @@ from evergym.duct_models.field import WallField
 from evergym.effects.catalogue import EffectParameters
 
 __all__ = [
+    "Array",
     "NumericsParameters",
     "RobotParameters",
     "Scalar",
@@ -65,8 +66,8 @@ class Scalar(IntEnum):
 class State(NamedTuple):
     """The robot's whole state; C-contiguous float64 arrays that a copy restores bit for bit.
 
-    Node i lies at arclength i h from the port along the robot, the last node at its tip; link i joins nodes i and i + 1. The
-    sections' frames have no twist (Bishop's frame); the catheter turns in them by its own roll.
+    Node i lies at arclength i h from the port along the robot, the last node at its tip; link i joins nodes i and i
+    + 1. The sections' frames have no twist (Bishop's frame); the catheter turns in them by its own roll.
     """
 
     scalar: Array

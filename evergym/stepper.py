@@ -2,19 +2,22 @@
 
 1. pressure    follows its set point                                     `effects.pressure_lag`, `effects.burst_limit`
 2. tendon      takes up the drive's pull                                 `effects.tendon_backlash`
-3. eversion    catheter slides, tail is fed, wall grows or inverts       `evergym.eversion`: yield, rate, feed, friction, buckling
+3. eversion    catheter slides, tail is fed, wall grows or inverts       `evergym.eversion`: yield, rate, feed,
+friction, buckling
 4. chain       gains or loses links at the tip; masses and covers        here
-5. equilibrium of springs, tendon, weight, contact and friction          `evergym.equilibrium`, `evergym.links`, `evergym.contact`
+5. equilibrium of springs, tendon, weight, contact and friction          `evergym.equilibrium`, `evergym.links`,
+`evergym.contact`
 6. records     contact forces, friction limits, velocities               here
 
-A new force is a term in step 5: of a link in `evergym.links.add_springs`, of a node in `evergym.equilibrium`. A new effect on
-growth is a term in step 3. A command is an array of eight: insertion velocity, tail feed velocity [m/s], roll [rad], tendon pull
-[m], pressure [Pa], and the load on the tip [N] along x, y, z.
+A new force is a term in step 5: of a link in `evergym.links.add_springs`, of a node in `evergym.equilibrium`. A new
+effect on growth is a term in step 3. A command is an array of eight: insertion velocity, tail feed velocity [m/s],
+roll [rad], tendon pull [m], pressure [Pa], and the load on the tip [N] along x, y, z.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from evergym.effects.burst_limit import has_burst
 from evergym.effects.pressure_lag import compute_lagged_pressure
@@ -23,7 +26,7 @@ from evergym.equilibrium import solve_equilibrium
 from evergym.eversion import update_eversion
 from evergym.jit import TypedList, njit
 from evergym.links import place_link
-from evergym.state import Scalar
+from evergym.state import Array, Parameters, Scalar, State, Workspace
 
 __all__ = ["advance", "advance_packed", "pack", "settle"]
 
@@ -32,7 +35,7 @@ HALVINGS_MAX = 5
 
 
 @njit
-def _place_chain(parameters, state, ws):  # type: ignore[no-untyped-def]
+def _place_chain(parameters: Parameters, state: State, ws: Workspace) -> None:
     """Place all sections of ``state`` from its bends, from the port on."""
     for a in range(3):
         state.position[0, a] = 0.0
@@ -53,7 +56,7 @@ def _place_chain(parameters, state, ws):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _update_chain(parameters, state):  # type: ignore[no-untyped-def]
+def _update_chain(parameters: Parameters, state: State) -> int:
     """Fit the links to the robot's length: all of one length but the last, which has 0.5 to 1.5 of it.
 
     A link that is split or lengthened keeps its curvature, so growth moves no section that exists.
@@ -61,7 +64,7 @@ def _update_chain(parameters, state):  # type: ignore[no-untyped-def]
     h = parameters.numerics.section_length
     total = max(state.scalar[Scalar.EVERTED_LENGTH], state.scalar[Scalar.CATHETER_LENGTH])
     old = state.links[0]
-    new = min(max(int(math.floor(total / h - 0.5)) + 1, 1), state.length.shape[0])
+    new = min(max(math.floor(total / h - 0.5) + 1, 1), state.length.shape[0])
     last = old - 1
     kx = state.bend[last, 0] / state.length[last]
     ky = state.bend[last, 1] / state.length[last]
@@ -82,11 +85,11 @@ def _update_chain(parameters, state):  # type: ignore[no-untyped-def]
                 state.contact_force[j + 1, a] = state.contact_force[j, a]
                 state.velocity[j + 1, a] = 0.0
     state.links[0] = new
-    return old
+    return int(old)
 
 
 @njit
-def _update_covers(parameters, state, ws):  # type: ignore[no-untyped-def]
+def _update_covers(parameters: Parameters, state: State, ws: Workspace) -> None:
     """Overwrite which body covers how much of each link, and the nodes' masses, contact radii and contact lengths."""
     robot = parameters.robot
     n = state.links[0]
@@ -120,8 +123,8 @@ def _update_covers(parameters, state, ws):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _prepare(parameters, state, command, ws, old, dt):  # type: ignore[no-untyped-def]
-    """Overwrite what the step's energy holds constant: where each node was, is predicted, and would be without sliding."""
+def _prepare(parameters: Parameters, state: State, command: Array, ws: Workspace, old: int, dt: float) -> None:
+    """Overwrite what the step holds constant: where each node was, is predicted, and would be without sliding."""
     n = state.links[0]
     everted = state.scalar[Scalar.EVERTED_LENGTH] if parameters.robot.has_sheath else 0.0
     kept = min(old, n) - 1
@@ -163,7 +166,7 @@ def _prepare(parameters, state, command, ws, old, dt):  # type: ignore[no-untype
 
 
 @njit
-def _record(state, ws, dt):  # type: ignore[no-untyped-def]
+def _record(state: State, ws: Workspace, dt: float) -> None:
     """Store what the next step needs of this one: contact and velocities (whose rows hold the old places)."""
     scalar = state.scalar
     largest = total = deepest = count = 0.0
@@ -189,7 +192,7 @@ def _record(state, ws, dt):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _substep(parameters, state, command, ws, dt):  # type: ignore[no-untyped-def]
+def _substep(parameters: Parameters, state: State, command: Array, ws: Workspace, dt: float) -> int:
     """Advance by one implicit step and return the solver's status."""
     scalar = state.scalar
     effects = parameters.effects
@@ -225,7 +228,7 @@ def _substep(parameters, state, command, ws, dt):  # type: ignore[no-untyped-def
 
 
 @njit
-def _copy(source, target):  # type: ignore[no-untyped-def]
+def _copy(source: State, target: State) -> None:
     target.scalar[:] = source.scalar
     target.links[:] = source.links
     target.length[:] = source.length
@@ -240,7 +243,9 @@ def _copy(source, target):  # type: ignore[no-untyped-def]
 
 
 @njit
-def advance(parameters, state, backup, command, ws, duration, step):  # type: ignore[no-untyped-def]
+def advance(
+    parameters: Parameters, state: State, backup: State, command: Array, ws: Workspace, duration: float, step: float
+) -> int:
     """Advance ``state`` by ``duration`` under a constant command, in equal substeps of at most ``step``.
 
     Args:
@@ -255,7 +260,7 @@ def advance(parameters, state, backup, command, ws, duration, step):  # type: ig
     Returns:
         A `evergym.equilibrium.Status` code.
     """
-    count = max(int(math.ceil(duration / step - 1e-9)), 1)
+    count = max(math.ceil(duration / step - 1e-9), 1)
     dt = duration / count
     for _ in range(count):
         _copy(state, backup)
@@ -276,7 +281,7 @@ def advance(parameters, state, backup, command, ws, duration, step):  # type: ig
 
 
 @njit
-def settle(parameters, state, command, ws, tangent):  # type: ignore[no-untyped-def]
+def settle(parameters: Parameters, state: State, command: Array, ws: Workspace, tangent: Array) -> int:
     """Place a robot of the state's lengths along a path and let it find its shape, with nothing sliding or growing.
 
     Args:
@@ -321,7 +326,7 @@ def settle(parameters, state, command, ws, tangent):  # type: ignore[no-untyped-
 
 
 @njit
-def pack(parameters, state, backup, ws):  # type: ignore[no-untyped-def]
+def pack(parameters: Parameters, state: State, backup: State, ws: Workspace) -> Any:
     """Return the four in a box that enters a kernel as one pointer: handing over some 200 values takes 60 us a call.
 
     The arrays stay shared with the caller; the numbers in ``parameters`` are copied.
@@ -332,7 +337,7 @@ def pack(parameters, state, backup, ws):  # type: ignore[no-untyped-def]
 
 
 @njit
-def advance_packed(box, command, duration, step):  # type: ignore[no-untyped-def]
+def advance_packed(box: Any, command: Array, duration: float, step: float) -> int:
     """Advance as `advance` does, with what `pack` returned."""
     parameters, state, backup, ws = box[0]
     return advance(parameters, state, backup, command, ws, duration, step)

@@ -11,7 +11,7 @@ __all__ = ["ContactFriction", "ContactFrictionParameters"]
 
 
 class ContactFrictionParameters(NamedTuple):
-    """Parameters: friction coefficients [1] on tissue and on pegs, and the sliding speed [m/s] at which friction is full."""
+    """SI parameters: friction coefficients [1] on tissue and pegs, and the speed [m/s] of full friction."""
 
     mu_tissue: float
     mu_peg: float
@@ -20,7 +20,8 @@ class ContactFrictionParameters(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactFriction:
-    """|F_t| <= mu N. The everted wall does not slide along the duct; it resists being dragged across. Off at zero ``mu``.
+    """|F_t| <= mu N. The everted wall does not slide along the duct; it resists being dragged across. Off at zero
+    ``mu``.
 
     Regularised: the force reaches mu N within a small sliding speed, so that it is the gradient of a convex potential.
     """

@@ -25,8 +25,8 @@ class DuctComplianceParameters(NamedTuple):
 class DuctCompliance:
     """Force per length of robot = k' delta (1 + (delta / depth)^2), k' of the order of the tissue's modulus.
 
-    A wall that nothing indents is the limit of a small compliance; at exactly zero compliance the wall is as rigid as a peg.
-    The damping acts while the wall is pressed in, and never pulls.
+    A wall that nothing indents is the limit of a small compliance; at exactly zero compliance the wall is as rigid as
+    a peg. The damping acts while the wall is pressed in, and never pulls.
     """
 
     compliance_1_per_kpa: float = parameter(
@@ -35,7 +35,7 @@ class DuctCompliance:
         low=0.0,
         high=10.0,
         prior=True,
-        source="1 / 30 kPa: duct wall 10-100 kPa (no measurement found); fat 1-10, fibrous tissue 30-100 (Krouskop 1998)",
+        source="1 / 30 kPa: duct wall 10-100 (no measurement found); fat 1-10, fibrous tissue 30-100 (Krouskop 1998)",
     )
     stiffening_depth_mm: float = parameter(
         0.5,

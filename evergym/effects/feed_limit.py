@@ -21,10 +21,10 @@ class FeedLimitParameters(NamedTuple):
 class FeedLimit:
     """Everting 1 m of wall takes 2 m of tail, so the tip is never faster than V / 2 in the long run.
 
-    A tail that the pressure draws taut slips in the drive, the more the nearer the tip comes to eta V, eta = (1 - slip) / 2:
-    1/v = 1/v_pressure + 1/(eta V). A tail that nothing draws is laid in at full pace as slack, and grown from later at the
-    pressure's pace, as in the duty cycle. Off at zero slip: v = min(v_pressure, V / 2). Which drive the paper's feed speed names
-    is not stated; the slip stands for that as well.
+    A tail that the pressure draws taut slips in the drive, the more the nearer the tip comes to eta V, eta = (1 -
+    slip) / 2: 1/v = 1/v_pressure + 1/(eta V). A tail that nothing draws is laid in at full pace as slack, and grown
+    from later at the pressure's pace, as in the duty cycle. Off at zero slip: v = min(v_pressure, V / 2). Which drive
+    the paper's feed speed names is not stated; the slip stands for that as well.
     """
 
     slip: float = parameter(

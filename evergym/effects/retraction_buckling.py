@@ -19,7 +19,7 @@ __all__ = [
 
 
 class RetractionBucklingParameters(NamedTuple):
-    """SI parameters: inversion yield [Pa], effective length factor K [1], wall shear rigidity G pi R t [N]; K = 0: never buckles."""
+    """SI parameters: inversion yield [Pa], length factor K [1] (0: never buckles), shear rigidity G pi R t [N]."""
 
     inversion_yield: float
     length_factor: float
@@ -58,7 +58,7 @@ def compute_inversion_tension(parameters: RetractionBucklingParameters, pressure
 def compute_axial_limit(
     parameters: RetractionBucklingParameters, bending_stiffness: float, length: float, thrust: float
 ) -> float:
-    """Return the axial load [N] at which a column of ``length`` [m] buckles, at a pressure thrust p A [N]; inf when off."""
+    """Return the axial load [N] that buckles a column of ``length`` [m] under the thrust p A [N]; inf when off."""
     if parameters.length_factor == 0.0 or length <= 0.0:
         return math.inf
     euler = math.pi**2 * bending_stiffness / (parameters.length_factor * length) ** 2

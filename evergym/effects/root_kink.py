@@ -23,7 +23,8 @@ class RootKinkParameters(NamedTuple):
 class RootKink:
     """At the root the sheath bends at the moment M_h = M_0 + c pi p R^3, and is straight and stiff below it.
 
-    The film's own resistance M_0 holds along the whole sheath, so that it does not collapse elsewhere. Off when both are zero.
+    The film's own resistance M_0 holds along the whole sheath, so that it does not collapse elsewhere. Off when both
+    are zero.
     Source: the paper's Fig. 9, M_0 = 1.20e-4 +- 0.10e-4 N m and c = 0.305 +- 0.028 from its five points.
     """
 

@@ -20,7 +20,8 @@ class TailCapstanFrictionParameters(NamedTuple):
 
 @dataclass(frozen=True)
 class TailCapstanFriction:
-    """F_out = F_in exp(mu * turn angle): every pressure loss of the tail is multiplied by the factor. Off at zero ``mu``.
+    """F_out = F_in exp(mu * turn angle): every pressure loss of the tail is multiplied by the factor. Off at zero
+    ``mu``.
 
     Source: Blumenschein et al. 2017 (Living Machines).
     """

@@ -17,7 +17,7 @@ FEED_REFERENCE = 2.9e-3
 
 
 class TailCoulombFrictionParameters(NamedTuple):
-    """SI parameters: constant gradient [Pa/m], share of the pressure [1/m], growth rate of the yield [1/m], exponent [1]."""
+    """SI parameters: gradient [Pa/m], share of the pressure [1/m], growth of the yield [1/m], exponent [1]."""
 
     gradient: float
     pressure_gradient: float
@@ -30,7 +30,8 @@ class TailCoulombFriction:
     """Loss = f L + m p L + Y (exp(g L) - 1), its coefficients falling with the feed speed as (V / 2.9 mm/s)^-b.
 
     Off when all three coefficients are zero. The default is the exponential (capstan-like) law; the constant and the
-    pressure-proportional law fit Fig. 8 as well and are kept as model files. The exponential law keeps the observed threshold.
+    pressure-proportional law fit Fig. 8 as well and are kept as model files. The exponential law keeps the observed
+    threshold.
     """
 
     gradient_kpa_per_mm: float = parameter(
@@ -62,7 +63,8 @@ def compute_tail_loss(
 ) -> float:
     """Return the pressure [Pa] lost to friction along a tail of ``length`` [m].
 
-    The law was fitted at feed speeds of 2.9 and 5.8 mm/s; slower or no feed counts as 2.9 mm/s rather than being extrapolated.
+    The law was fitted at feed speeds of 2.9 and 5.8 mm/s; slower or no feed counts as 2.9 mm/s rather than being
+    extrapolated.
     """
     if parameters.gradient == 0.0 and parameters.pressure_gradient == 0.0 and parameters.yield_growth == 0.0:
         return 0.0

@@ -49,4 +49,4 @@ def compute_pressure_speed(parameters: ViscousEversionParameters, pressure: floa
         return 1e30
     if parameters.exponent == 1.0:
         return pressure / parameters.resistance
-    return pressure**parameters.exponent / parameters.resistance
+    return float(pressure**parameters.exponent / parameters.resistance)
