@@ -29,6 +29,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PIP) "$(TORCH)"
 	@$(PIP) -c constraints.txt setuptools wheel
 	@$(PIP) -c constraints.txt --no-build-isolation -e '.[dev]'
+	@$(RUN)/python -m evergym.agents.precompile
 	@touch $@
 
 lint: $(STAMP)  ## ruff and mypy

@@ -1,0 +1,24 @@
+"""``python -m evergym.agents.precompile``: compile the kernels once, at set-up, so that no first run has to wait for them."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from evergym.agents.env_factory import probe_env
+
+__all__ = ["main"]
+
+
+def main() -> int:
+    """Make one environment of each task and step it; the kernels stay in the user's cache. Returns the exit code."""
+    print("Compiling the simulator (about two minutes, once)", flush=True)
+    start = time.monotonic()
+    for name in ("MammobotDuct-v0", "MammobotPegs-v0"):
+        probe_env(name, {})
+    print(f"Compiled in {time.monotonic() - start:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
