@@ -78,6 +78,10 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         """
 
     @abstractmethod
+    def _start_path(self) -> NDArray[np.float64]:
+        """Return the way to the selected target [m], shape (k, 3), along which the robot is laid at the start."""
+
+    @abstractmethod
     def _make_route(self, start: NDArray[np.float64]) -> Route:
         """Return the way to the selected target for a tip at ``start`` [m]."""
 
@@ -100,7 +104,7 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._world = world
         self._scene = scene
         self.drive.reset()
-        reading = self._simulator.reset(everted_length=length * MM)
+        reading = self._simulator.reset(everted_length=length * MM, path=self._start_path())
         self._reading = reading
         self._route = self._make_route(reading.tip_position)
         self._seen_route = self._route.copy() if self.settings.localisation_noise_mm > 0.0 else self._route

@@ -32,8 +32,8 @@ class DriveLimits:
         pressure: Gauge pressure [Pa].
         roll_rate: Catheter roll rate at the base [rad/s].
         tendon_pull_rate: Rate of the tendon pull set point [m/s].
-        protrusion: How far the catheter may be ahead of the sheath [m]; beyond it an interlock holds the catheter and feeds tail
-            only, since a bare catheter poking through a duct is what the sheath is there to prevent.
+        protrusion: How far the catheter may be ahead of the sheath [m]; beyond it an interlock holds the catheter and
+            feeds tail only, since a bare catheter poking through a duct is what the sheath is there to prevent.
         pressure_rate: Rate of the pressure set point [Pa/s].
     """
 

@@ -40,8 +40,9 @@ class MammobotDuctEnv(MammobotEnv):
     | 2 | tendon pull set point | 0 | half | all | largest pull (4.9 mm), followed at up to 2 mm/s (prior) |
     | 3 | pressure set point | 0 | half | all | pressure limit (50 kPa gauge), followed at up to 50 kPa/s (prior) |
 
-    The tail is fed twice as fast as the catheter is inserted, so a negative insertion also retracts the tail. An interlock
-    holds a catheter that is 10 mm ahead of the sheath's tip and feeds the tail on: the sheath, not a bare catheter, is to arrive.
+    The tail is fed twice as fast as the catheter is inserted, so a negative insertion also retracts the tail. An
+    interlock holds a catheter that is 10 mm ahead of the sheath's tip and feeds the tail on: the sheath, not a bare
+    catheter, is to arrive.
 
     ## Observation
 
@@ -96,11 +97,11 @@ class MammobotDuctEnv(MammobotEnv):
 
     ## Start and end
 
-    The sheath starts straight, 10 mm everted, without pressure or pull. The duct is drawn from the first
-    ``pool_size`` of its family and the target from the duct's. Terminated: `reached` (tip error at most 5 mm),
-    `burst`, `perforated` (penetration above ``perforation_depth_mm``, a prior). Truncated: `time`, `diverged` (the
-    simulator found no solution even with an eighth of the step). ``info["end_reason"]`` has the word, and is empty
-    until the end.
+    The robot starts along the way, 10 mm everted, the catheter level with the sheath, without pressure or pull. The
+    duct is drawn from the first ``pool_size`` of its family and the target from the duct's. Terminated: `reached`
+    (tip error at most 5 mm), `burst`, `perforated` (penetration above ``perforation_depth_mm``, a prior). Truncated:
+    `time`, `diverged` (the simulator found no solution even with an eighth of the step). ``info["end_reason"]`` has
+    the word, and is empty until the end.
 
     The tip error is the distance in the unrolled duct, hypot(way to go along the lumen, distance from the
     centreline), so a neighbouring branch behind a wall is as far as the way back to the bifurcation and out again.
@@ -200,6 +201,11 @@ class MammobotDuctEnv(MammobotEnv):
         if self._world is not None and given is self.duct:
             return given, self._world
         return given, World.duct(given)
+
+    def _start_path(self) -> NDArray[np.float64]:
+        """Return the way to the selected target [m], shape (k, 3), along which the robot is laid at the start."""
+        line = self.duct.centreline
+        return line.position[line.path_to(self.duct.targets[self.target_index].node)]
 
     def _make_route(self, start: NDArray[np.float64]) -> LumenRoute:
         """Return the way to the selected target for a tip at ``start`` [m]."""

@@ -136,6 +136,10 @@ class MammobotPegsEnv(MammobotEnv):
             field,
         )
 
+    def _start_path(self) -> NDArray[np.float64]:
+        """Return the way to the selected target [m], shape (k, 3), along which the robot is laid at the start."""
+        return self.peg_field.way
+
     def _make_route(self, start: NDArray[np.float64]) -> PegRoute:
         """Return the way to the selected target for a tip at ``start`` [m]."""
         return PegRoute(self.peg_field, start)

@@ -205,6 +205,15 @@ def test_options_select_place_target_and_start() -> None:
     assert (info["anatomy_family"], info["anatomy_index"]) == ("paper", 2)
 
 
+def test_a_long_start_lies_in_the_branch_of_the_target() -> None:
+    """The robot is laid along the way, so what it looks at ahead is the target and not a wall."""
+    env = MammobotDuctEnv()
+    for target in range(2):
+        _, info = env.reset(seed=0, options={"index": 1, "target": target, "everted_length_mm": 45.0})
+        assert info["everted_length_mm"] == pytest.approx(45.0)
+        assert info["distance_to_go_mm"] < 10.0  # some 72 mm in the neighbouring branch
+
+
 def test_mesh_file_is_a_duct(tmp_path: Any) -> None:
     """A path in the options is read as a mesh in millimetres."""
     import trimesh
