@@ -1,4 +1,4 @@
-"""``python -m evergym.agents.precompile``: compile the kernels once, at set-up, so that no first run has to wait for them."""
+"""``python -m evergym.agents.precompile``: compile the kernels once, at set-up, so that no first run has to wait."""
 
 from __future__ import annotations
 
