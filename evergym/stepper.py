@@ -146,7 +146,7 @@ def _prepare(parameters: Parameters, state: State, command: Array, ws: Workspace
         for a in range(3):
             if i > kept:
                 ws.reference[i, a] = state.position[i, a] - back * state.frame[i, a, 2]
-                ws.predicted[i, a] = state.position[i, a]
+                ws.predicted[i, a] = state.position[i, a] + dt * state.velocity[i, a]
             else:
                 ws.predicted[i, a] = ws.reference[i, a] + dt * state.velocity[i, a]
             ws.reference[i, a] -= sliding * state.frame[i, a, 2]
