@@ -5,8 +5,8 @@ it is stretched by the mean strain e and bent by the rotation phi (about the sec
 anchored at (x, y) has the strain e + (phi_x y - phi_y x) / l - rest. A fibre has its stiffness down to a buckling
 strain, beyond which it carries no more: zero for a film (tension only), infinite for a solid. The mean strain is
 eliminated: it takes the value at which the fibres balance the axial force (the pressure thrust p A for the sheath,
-none for the catheter). No bending stiffness is entered anywhere: wrinkling, stiffening by pressure, and bending by a
-softened fibre emerge.
+none for the catheter). Diagonal braces, tangential at the anchors, resist twist. No bending or torsional stiffness is
+entered in a kernel: wrinkling, stiffening by pressure, and bending by a softened fibre emerge.
 """
 
 from __future__ import annotations
@@ -23,8 +23,12 @@ from evergym.units import MM, MPA, UM
 __all__ = ["FibreBundle", "build_catheter_bundle", "build_proximal_bundle", "build_sheath_bundle", "compute_bundle"]
 
 FibreBundle = np.ndarray
-"""Fibres of one body, shape (n, 5): rigidity EA [N], anchor x and y [m], rest strain [1], buckling strain [1]."""
+"""Fibres of one body, shape (n, 6): rigidity EA [N], anchor x and y [m], rest strain [1], buckling strain [1], and the
+rigidity of the diagonal brace at the anchor [N], which resists that the next section turns about the axis."""
 
+
+NITINOL_POISSON_RATIO = 0.33
+"""Of the uncut tube: G J = E I / (1 + nu) gives 4.9e-3 N m^2 for the 2023 robot."""
 
 FIBRE_COUNT_MAX = 62
 """The kernel keeps the set of taut fibres in the bits of one integer."""
@@ -37,7 +41,7 @@ def build_sheath_bundle(robot: RobotConfig, effects: Effects, fibre_count: int) 
     # Half a step of rotation keeps the fibres off the axes, so that no load in an axis plane meets a single outermost
     # fibre.
     angle = 2.0 * math.pi * (np.arange(fibre_count) + 0.5) / fibre_count
-    bundle = np.zeros((fibre_count, 5))
+    bundle = np.zeros((fibre_count, 6))
     bundle[:, 0] = rigidity / fibre_count
     bundle[:, 1] = radius * np.cos(angle)
     bundle[:, 2] = radius * np.sin(angle)
@@ -50,15 +54,16 @@ def build_sheath_bundle(robot: RobotConfig, effects: Effects, fibre_count: int) 
     return bundle
 
 
-def _build_four_fibres(soft: float, stiff: float, radius: float, curvature: float) -> FibreBundle:
+def _build_four_fibres(soft: float, stiff: float, torsion: float, radius: float, curvature: float) -> FibreBundle:
     """Return a soft and a stiff pair of fibres; the soft plane holds the x axis (the tendon's side)."""
-    bundle = np.zeros((4, 5))
+    bundle = np.zeros((4, 6))
     bundle[:, 0] = np.array([soft, stiff, soft, stiff]) / (2.0 * radius**2)
     bundle[:, 1] = radius * np.array([1.0, 0.0, -1.0, 0.0])
     bundle[:, 2] = radius * np.array([0.0, 1.0, 0.0, -1.0])
     # Bending towards +x shortens the fibres there.
     bundle[:, 3] = -curvature * bundle[:, 1]
     bundle[:, 4] = math.inf
+    bundle[:, 5] = torsion / (4.0 * radius**2)
     return bundle
 
 
@@ -67,13 +72,15 @@ def build_catheter_bundle(robot: RobotConfig, effects: Effects) -> FibreBundle:
     soft = robot.catheter_bending_stiffness_n_m2
     stiff = soft * (robot.catheter_anisotropy if effects.bending_anisotropy.enabled else 1.0)
     radius = 0.5 * robot.catheter_outer_diameter_mm * MM
-    return _build_four_fibres(soft, stiff, radius, effects.pre_curvature.curvature_1_per_m)
+    torsion = robot.catheter_torsional_stiffness_n_m2
+    return _build_four_fibres(soft, stiff, torsion, radius, effects.pre_curvature.curvature_1_per_m)
 
 
 def build_proximal_bundle(robot: RobotConfig) -> FibreBundle:
     """Return the four equal fibres of the uncut tube that is fed behind the flexible part."""
     stiffness = robot.catheter_proximal_stiffness_n_m2
-    return _build_four_fibres(stiffness, stiffness, 0.5 * robot.catheter_outer_diameter_mm * MM, 0.0)
+    torsion = stiffness / (1.0 + NITINOL_POISSON_RATIO)
+    return _build_four_fibres(stiffness, stiffness, torsion, 0.5 * robot.catheter_outer_diameter_mm * MM, 0.0)
 
 
 @njit
@@ -83,7 +90,7 @@ def compute_bundle(
     """Bend a bundle of fibres between two sections, with its mean strain in balance.
 
     Args:
-        bundle: Fibres, shape (n, 5), see `FibreBundle`.
+        bundle: Fibres, shape (n, 6), see `FibreBundle`.
         axial_force: Force that stretches the bundle [N].
         bend_x: Rotation between the sections about x [rad].
         bend_y: Rotation about y [rad].

@@ -135,6 +135,15 @@ def _add_catheter(
 
 
 @njit
+def _sum_braces(bundle: Array) -> float:
+    """Return the moment per twist rate [N m^2] with which a bundle's braces resist twist."""
+    total = 0.0
+    for i in range(bundle.shape[0]):
+        total += bundle[i, 5] * (bundle[i, 1] ** 2 + bundle[i, 2] ** 2)
+    return total
+
+
+@njit
 def _sum_stiffness(bundle: Array) -> float:
     """Return the bending stiffness [N m^2] of a bundle whose fibres are all taut, about y."""
     total = 0.0
@@ -172,6 +181,9 @@ def add_springs(
         # The taut tail bears on the inside of the bend, one sheath radius off the axis.
         buckling_moment = state.scalar[Scalar.BUCKLING_FORCE] * robot.sheath_radius
     catheter_damping = robot.damping_time / dt * _sum_stiffness(robot.flexible_bundle)
+    flexible_braces = _sum_braces(robot.flexible_bundle)
+    proximal_braces = _sum_braces(robot.proximal_bundle)
+    unused_braces = UNUSED_TWIST_SHARE * flexible_braces
     sheath_damping = robot.damping_time / dt * _sum_stiffness(robot.sheath_bundle)
     energy = 0.0
     path = 0.0
@@ -230,8 +242,7 @@ def add_springs(
             tendon[1] = arm * c
             tendon[3] = -arm * (c * bend_x + s * bend_y)
             tendon[2] = 0.5 * tendon[3]
-        share = flexible + proximal
-        braces = robot.torsional_rigidity * max(share, UNUSED_TWIST_SHARE) / length
+        braces = (flexible * flexible_braces + proximal * proximal_braces + unused_braces) / length
         energy += 0.5 * braces * twist * twist
         gradient[2] += braces * twist
         hessian[2, 2] += braces

@@ -128,7 +128,6 @@ def compile_robot(model: Model, numerics: Numerics, setup: str) -> RobotParamete
         flexible_length=robot.catheter_flexible_length_mm * MM,
         tendon_arm=robot.tendon_arm_mm * MM,
         pre_curvature=effects.pre_curvature.curvature_1_per_m,
-        torsional_rigidity=robot.catheter_torsional_stiffness_n_m2,
         damping_time=robot.catheter_damping_time_ms * 1e-3,
         sheath_mass=wall_mass + robot.fluid_density_kg_m3 * math.pi * inner_radius**2,
         catheter_mass=catheter_mass,

@@ -128,7 +128,6 @@ class RobotParameters(NamedTuple):
     flexible_length: float
     tendon_arm: float
     pre_curvature: float
-    torsional_rigidity: float
     damping_time: float
     sheath_mass: float
     """Wall, tail and fluid of a sheath without catheter, per length [kg/m]."""
