@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -60,7 +61,10 @@ class DuctCompliance:
     def compile(self) -> DuctComplianceParameters:
         """Return the SI parameters."""
         peg = self.peg_stiffness_mpa * 1e6
-        stiffness = min(KPA / self.compliance_1_per_kpa, peg) if self.compliance_1_per_kpa > 0.0 else peg
+        if self.compliance_1_per_kpa == 0.0:
+            # As a peg: a linear spring without damping.
+            return DuctComplianceParameters(peg, math.inf, 0.0, peg)
+        stiffness = min(KPA / self.compliance_1_per_kpa, peg)
         return DuctComplianceParameters(stiffness, self.stiffening_depth_mm * MM, self.damping_time_s, peg)
 
 
