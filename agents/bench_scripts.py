@@ -97,9 +97,9 @@ def _record(env_id: str, options: dict[str, Any], everted: float, **settings: An
 
 
 def _sweep(last: Command) -> list[Command]:
-    """Return a sweep of the tip around the lumen at the end of a drive: pull to the limit, a whole turn, release.
+    """Return a sweep of the tip at the end of a drive: pull to the limit, a whole turn, release.
 
-    It drags most sections along the wall, and snaps the tip from side to side: the hard part of contact.
+    It drags most sections along the wall, or over the pegs, and snaps the tip from side to side: the hard part.
     """
     turn = [
         Command(roll=last.roll, tendon_pull=max(last.tendon_pull, 4.9e-3 * k / 20), pressure=45e3) for k in range(21)
@@ -127,11 +127,13 @@ def record_duct(model: str, rank: int) -> Script:
 
 
 def record_pegs(model: str, index: int) -> Script:
-    """Return the drive to the target of a held-out peg field."""
+    """Return the drive to the target of a held-out peg field, and a sweep there."""
     field = generate_pegs("held_out", index)
     commands, seconds = _record("MammobotPegs-v0", {"family": "held_out", "index": index}, 1.0, model=model)
     world = World.peg_field(field)
-    return Script(f"pegs held_out {index}", world, commands, env_seconds=seconds, env_steps=len(commands))
+    steps = len(commands)
+    commands += _sweep(commands[-1])
+    return Script(f"pegs held_out {index}", world, commands, env_seconds=seconds, env_steps=steps)
 
 
 def record_free(model: Model) -> Script:
