@@ -1,13 +1,15 @@
 """The duty cycle: the scripted controller that drives the robot as its operators do.
 
-Pressure down, catheter forward by a step with tendon and roll set towards the next way point, pressure up until the sheath has
-grown over the catheter, and again; out of a wrong branch it backs by inversion. It sees the observation and nothing else.
+The cycle of the 2021 and 2023 robots: drop the pressure, so that the sheath is soft and does not grow; turn the
+catheter and pull its tendon towards the next way point; advance it by a step out of the sheath; raise the pressure until
+the sheath has grown over it; and again. It goes back at low pressure: withdrawing the catheter pulls the tail too, which
+first gives up its slack and then inverts the wall.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from enum import Enum
 from importlib import resources
 from typing import Any
@@ -22,44 +24,87 @@ from evergym.units import KPA, MM
 
 __all__ = ["DutyCycleController", "DutyCycleSettings", "load_tuned_settings"]
 
+LOW_ENOUGH = 3.0 * KPA
+"""Excess over the low set point [Pa] at which the pressure counts as dropped: the last of a lag takes for ever."""
+TURN_TOLERANCE = 0.15
+"""Turn [rad] and pull [m] still to be made at which the catheter counts as steered."""
+PULL_TOLERANCE = 0.2 * MM
+LENGTH_MIN = 6.0 * MM
+"""Shortest catheter length [m] to withdraw to."""
+GROWN = 0.3 * MM
+"""Catheter ahead of the sheath [m] at which the sheath counts as grown over it."""
+STALLED = 0.05 * MM
+"""Growth rate [m/s] below which growth has stalled."""
+CERTAIN = 0.5
+"""Time [s] for which the way must have led back before that is believed: a localisation is noisy."""
+NEAR_MIN = 3.0 * MM
+"""Nearest point to steer at [m]: nearer ones ask for bends that nothing can make."""
+
 
 @dataclass(frozen=True)
 class DutyCycleSettings:
-    """The controller's parameters; the shipped values are found by ``evergym.agents.tuning`` on training anatomies."""
+    """The controller's parameters; ``evergym tune`` finds the shipped values on training anatomies."""
 
-    step_mm: float = parameter(5.0, unit="mm", low=0.5, high=20.0, source="2021 paper: steps of 5 mm")
+    step_mm: float = parameter(5.0, unit="mm", low=0.5, high=10.0, source="2021 paper: steps of 5 mm")
     pressure_low_kpa: float = parameter(5.0, unit="kPa", low=0.0, high=50.0, source="2021 paper: dropped to 5 kPa")
-    pressure_high_kpa: float = parameter(48.0, unit="kPa", low=5.0, high=50.0, prior=True)
+    pressure_high_kpa: float = parameter(48.0, unit="kPa", low=5.0, high=50.0, source="2023 paper: 48.7 kPa at most")
     insertion_mm_s: float = parameter(2.0, unit="mm/s", low=0.1, high=20.0, prior=True)
-    look_ahead_mm: float = parameter(10.0, unit="mm", low=3.0, high=20.0, prior=True)
+    look_ahead_mm: float = parameter(10.0, unit="mm", low=3.0, high=20.0, prior=True, help="How far ahead it aims.")
     lever_mm: float = parameter(25.0, unit="mm", low=5.0, high=100.0, prior=True, help="Length that steering bends.")
-    gain: float = parameter(0.3, unit="1", low=0.01, high=2.0, prior=True)
-    curvature_max_1_per_m: float = parameter(11.0, unit="1/m", low=1.0, high=50.0, prior=True)
-    force_limit_n: float = parameter(0.25, unit="N", low=0.01, high=5.0, prior=True)
-    back_out_mm: float = parameter(6.0, unit="mm", low=0.0, high=40.0, prior=True)
+    reaction_s: float = parameter(0.7, unit="s", low=0.05, high=10.0, prior=True, help="Time constant of steering.")
+    force_limit_n: float = parameter(
+        0.3,
+        unit="N",
+        low=0.01,
+        high=5.0,
+        prior=True,
+        help="Against the tip, it withdraws; on a wall, it bends no further.",
+    )
+    relief_mm: float = parameter(
+        2.0, unit="mm", low=0.0, high=20.0, prior=True, help="How far it withdraws from a force."
+    )
+    astray_mm: float = parameter(
+        4.0,
+        unit="mm",
+        low=0.0,
+        high=9.0,
+        prior=True,
+        help="Way into a wrong branch, whose mouth both share, to back out.",
+    )
+    back_out_mm: float = parameter(
+        6.0, unit="mm", low=1.0, high=40.0, prior=True, help="Way back before a bifurcation."
+    )
+    retries: int = parameter(3, low=0, high=20, prior=True, help="Times that backing out goes farther than before.")
 
 
 class Phase(Enum):
     """Where in the cycle the controller is."""
 
     STEER = 0
+    """Pressure down, catheter turned and bent towards the way ahead."""
     ADVANCE = 1
+    """Catheter forward by a step."""
     GROW = 2
-    BACK_OUT = 3
+    """Pressure up until the sheath has grown over the catheter."""
+    WITHDRAW = 3
+    """Catheter and sheath back, at low pressure."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Memory:
-    """What the controller keeps of one episode."""
+    """What the controller keeps of one episode; SI units."""
 
     phase: Phase = Phase.STEER
     time: float = 0.0
-    bend: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
-    """Wanted curvature at the base, x and y [1/m]."""
-    start: float = 0.0
-    """Catheter length at which the advance or the way back began [m]."""
-    stalls: int = 0
-    backing_from: float = 0.0
+    """Time in this phase."""
+    goal: float = 0.0
+    """Catheter length at which to end an advance or a withdrawal."""
+    doubt: float = 0.0
+    """Time for which the way has led back, at every observation."""
+    bend: tuple[float, float] = (0.0, 0.0)
+    """Wanted curvature at the base, x and y."""
+    attempts: int = 0
+    """Times that it has backed out."""
 
 
 def load_tuned_settings(task: str) -> DutyCycleSettings:
@@ -71,9 +116,15 @@ def load_tuned_settings(task: str) -> DutyCycleSettings:
 class DutyCycleController:
     """Drive by the duty cycle, with the ``predict`` signature of Stable-Baselines3.
 
+    It sees the observation and nothing else. Its state is a tuple of memories, one for each environment; they are never
+    changed in place, so an earlier state can be used again.
+
     Args:
-        env: The environment to be driven; gives the layout of the observation and the drive's limits, nothing of its state.
+        env: The environment to be driven; gives the layout of the observation and the drive's limits.
         settings: Parameters; None: the shipped ones for the env's task.
+
+    Raises:
+        ConfigError: The environment is not one of MAMMOBOT's.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], settings: DutyCycleSettings | None = None) -> None:
@@ -81,101 +132,133 @@ class DutyCycleController:
         self.settings = load_tuned_settings(self.observer.task) if settings is None else settings
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
-        """Return the action for an observation or a batch of them, and the memory to hand back in the next call."""
+        """Return the action for an observation or a batch of them, and the state to hand back in the next call."""
         rows = self.observer.split(observation)
-        memories: list[Memory] = list(state) if state is not None else [Memory() for _ in rows]
+        memories = list(state) if state is not None else [Memory()] * len(rows)
         starts = np.zeros(len(rows), bool) if episode_start is None else np.broadcast_to(episode_start, len(rows))
         actions = np.zeros((len(rows), 4), np.float32)
         for index, row in enumerate(rows):
-            if starts[index]:
-                memories[index] = Memory()
-            actions[index] = self._act(self.observer.read(row), memories[index])
+            seen = self.observer.read(row)
+            memory = Memory() if starts[index] else memories[index]
+            memory = self._move_on(seen, self._wait(seen, memory))
+            if memory.phase in (Phase.STEER, Phase.ADVANCE):
+                memory = replace(memory, bend=self._steer(seen, memory))
+            actions[index] = self._command(seen, memory)
+            memories[index] = memory
         return (actions if self.observer.is_batch(observation) else actions[0]), tuple(memories)
 
-    def _act(self, seen: Seen, memory: Memory) -> NDArray[np.float32]:
-        """Return the action in the current phase, having moved on to the next where this one is done."""
+    # Which phase is next
+
+    def _wait(self, seen: Seen, memory: Memory) -> Memory:
+        """Return the memory after one more control step in the same phase."""
+        # Daughters share their mouth: some way into the wrong one, the right one can still be steered for.
+        tolerance = 0.0 if memory.phase is Phase.WITHDRAW else self.settings.astray_mm * MM
+        lost = seen.astray > tolerance or seen.is_past
+        step = self.observer.control_step
+        return replace(memory, time=memory.time + step, doubt=memory.doubt + step if lost else 0.0)
+
+    def _move_on(self, seen: Seen, memory: Memory) -> Memory:
+        """Return the memory in the same phase, or in the next one where this one is done."""
         settings = self.settings
-        memory.time += self.observer.control_step
-        protrusion = seen.catheter_length - seen.everted_length
-        pressed = seen.wall_force_max > settings.force_limit_n
-        if memory.phase is not Phase.BACK_OUT and seen.astray:
-            self._enter(memory, Phase.BACK_OUT, seen)
-            memory.backing_from = seen.catheter_length
+        length = seen.catheter_length
+        lost = memory.doubt >= CERTAIN
+        if memory.phase is Phase.WITHDRAW:
+            if lost:
+                # The margin counts from where the way leads ahead again, so as to enter a branch from before its mouth.
+                return replace(memory, goal=length - self._find_margin(memory))
+            done = length <= max(memory.goal, LENGTH_MIN) or memory.time > 60.0
+            return self._enter(memory, Phase.STEER) if done else memory
+        if lost:
+            memory = replace(memory, attempts=memory.attempts + 1)
+            return self._enter(memory, Phase.WITHDRAW, goal=length - self._find_margin(memory))
         if memory.phase is Phase.STEER:
-            self._steer(seen, memory)
-            ready = self._is_steered(seen, memory) and seen.pressure < (settings.pressure_low_kpa + 3.0) * KPA
-            if ready or memory.time > 6.0:
-                self._enter(memory, Phase.ADVANCE, seen)
+            dropped = seen.pressure < settings.pressure_low_kpa * KPA + LOW_ENOUGH
+            if (dropped and self._is_steered(seen, memory)) or memory.time > 6.0:
+                # Not beyond the target, and not so far ahead of a stalled sheath that the drive's interlock acts.
+                room = seen.everted_length + self.observer.limits.protrusion - 1.0 * MM - length
+                step = min(settings.step_mm * MM, max(seen.distance_to_go, 1.0 * MM), max(room, 0.0))
+                return self._enter(memory, Phase.ADVANCE, goal=length + step)
         elif memory.phase is Phase.ADVANCE:
-            self._steer(seen, memory)
-            gone = seen.catheter_length - memory.start
-            if gone >= settings.step_mm * MM or (pressed and gone > 1.0 * MM) or memory.time > 15.0:
-                self._enter(memory, Phase.GROW, seen)
+            if seen.tip_push > settings.force_limit_n:
+                return self._enter(memory, Phase.WITHDRAW, goal=length - settings.relief_mm * MM)
+            if length >= memory.goal or memory.time > 15.0:
+                return self._enter(memory, Phase.GROW)
         elif memory.phase is Phase.GROW:
-            settled = memory.time > 1.5 and seen.growth_rate < 0.05 * MM
-            if protrusion <= 0.3 * MM or settled or memory.time > 12.0:
-                self._enter(memory, Phase.STEER, seen)
-        elif memory.phase is Phase.BACK_OUT:
-            gone = memory.backing_from - seen.catheter_length
-            if not seen.astray:
-                # Back before the bifurcation, and by a margin, in order to enter the right branch from its mouth.
-                if gone >= settings.back_out_mm * MM or seen.catheter_length < 6.0 * MM:
-                    self._enter(memory, Phase.STEER, seen)
-            else:
-                memory.backing_from = max(seen.catheter_length, memory.backing_from - 1e9)
-                memory.backing_from = seen.catheter_length
-            if memory.time > 40.0:
-                self._enter(memory, Phase.STEER, seen)
-        insertion, pressure = self._drive(memory.phase)
-        return self._command(seen, memory, insertion, pressure)
+            grown = length - seen.everted_length <= GROWN
+            stalled = memory.time > 1.5 and seen.growth_rate < STALLED
+            if grown or stalled or memory.time > 12.0:
+                return self._enter(memory, Phase.STEER)
+        return memory
 
-    def _drive(self, phase: Phase) -> tuple[float, float]:
-        """Return insertion velocity [m/s] and pressure [Pa] of a phase."""
+    def _find_margin(self, memory: Memory) -> float:
+        """Return how far to back out [m]: farther each time, and as far as the first time after the last."""
         settings = self.settings
-        if phase is Phase.ADVANCE:
-            return settings.insertion_mm_s * MM, settings.pressure_low_kpa * KPA
-        if phase is Phase.GROW:
-            return 0.0, settings.pressure_high_kpa * KPA
-        if phase is Phase.BACK_OUT:
-            return -settings.insertion_mm_s * MM, settings.pressure_low_kpa * KPA
-        return 0.0, settings.pressure_low_kpa * KPA
+        return settings.back_out_mm * MM * (1.0 + (memory.attempts - 1) % (settings.retries + 1))
 
-    def _enter(self, memory: Memory, phase: Phase, seen: Seen) -> None:
-        memory.phase = phase
-        memory.time = 0.0
-        memory.start = seen.catheter_length
+    @staticmethod
+    def _enter(memory: Memory, phase: Phase, goal: float = 0.0) -> Memory:
+        return replace(memory, phase=phase, time=0.0, goal=goal)
 
-    def _steer(self, seen: Seen, memory: Memory) -> None:
-        """Move the wanted curvature towards the one that takes the tip over the way point ahead."""
+    # Steering
+
+    def _steer(self, seen: Seen, memory: Memory) -> tuple[float, float]:
+        """Return the curvature that takes the tip over the way ahead, x and y at the base [1/m].
+
+        Bending a free robot of length L by a change of curvature k moves a point that lies a ahead of its tip by
+        k (L + a)^2 / 2 sideways; a tip that goes on with the curvature it has gets k a^2 / 2 off its axis by itself.
+        """
         settings = self.settings
-        ahead = settings.look_ahead_mm * MM
-        aside = seen.look_aside(ahead)
+        # After a wrong turning it aims farther ahead, so that it bends earlier; in one, the way first leads back.
+        foresight = 1.0 + 0.5 * (memory.attempts % (settings.retries + 1))
+        x, y, z = seen.find_way(settings.look_ahead_mm * MM * foresight + 2.0 * seen.astray)
+        ahead = max(z, NEAR_MIN)
         # The section frames have no twist, so the tip's lateral directions turn into the base's by the roll alone.
-        c, s = math.cos(seen.roll), math.sin(seen.roll)
-        lateral = np.array([c * aside[0] - s * aside[1], s * aside[0] + c * aside[1]])
+        cos, sin = math.cos(seen.roll), math.sin(seen.roll)
+        now = self.observer.find_curvature(seen.tendon_pull)
+        bend = np.array([now * cos, now * sin])
+        missing = np.array([cos * x - sin * y, sin * x + cos * y]) - 0.5 * bend * ahead**2
         lever = min(settings.lever_mm * MM, seen.catheter_length)
-        missing = lateral - 0.5 * memory.bend * ahead**2
-        change = missing / (0.5 * (lever + ahead) ** 2)
-        memory.bend = memory.bend + settings.gain * change
-        size = float(np.linalg.norm(memory.bend))
-        if size > settings.curvature_max_1_per_m:
-            memory.bend *= settings.curvature_max_1_per_m / size
+        share = 1.0 - math.exp(-self.observer.control_step / settings.reaction_s)
+        bend += share * missing / (0.5 * (lever + ahead) ** 2)
+        size = float(np.linalg.norm(bend))
+        # A robot that lies hard against a wall bends no further: pulling more would only press more.
+        limit = now if seen.wall_force_max > settings.force_limit_n else self.observer.curvature_max
+        bend *= min(1.0, limit / max(size, 1e-9))
+        return float(bend[0]), float(bend[1])
+
+    def _find_turn(self, seen: Seen, memory: Memory) -> float:
+        """Return the roll still to be made [rad], -pi..pi."""
+        x, y = memory.bend
+        return math.remainder(math.atan2(y, x) - seen.roll, 2.0 * math.pi) if math.hypot(x, y) > 1e-6 else 0.0
+
+    def _find_pull(self, seen: Seen, memory: Memory) -> float:
+        """Return the pull [m] for the part of the wanted bend that lies on the tendon's side."""
+        x, y = memory.bend
+        return self.observer.find_pull(math.hypot(x, y) * max(math.cos(self._find_turn(seen, memory)), 0.0))
 
     def _is_steered(self, seen: Seen, memory: Memory) -> bool:
-        roll, pull = self._compute_set_points(seen, memory)
-        return abs(roll) < 0.15 and abs(pull - seen.tendon_pull) < 0.2 * MM
+        turn, pull = self._find_turn(seen, memory), self._find_pull(seen, memory)
+        return abs(turn) < TURN_TOLERANCE and abs(pull - seen.tendon_pull) < PULL_TOLERANCE
 
-    def _compute_set_points(self, seen: Seen, memory: Memory) -> tuple[float, float]:
-        """Return the turn still to be made [rad] and the pull [m] for the wanted curvature."""
-        size = float(np.linalg.norm(memory.bend))
-        pull = self.observer.find_pull(size)
-        if size < 1e-6:
-            return 0.0, pull
-        turn = math.atan2(memory.bend[1], memory.bend[0]) - seen.roll
-        return math.remainder(turn, 2.0 * math.pi), pull
+    # Driving
 
-    def _command(self, seen: Seen, memory: Memory, insertion: float, pressure: float) -> NDArray[np.float32]:
-        turn, pull = self._compute_set_points(seen, memory)
-        return self.observer.make_action(insertion, turn / self.observer.control_step, pull, pressure)
+    def _command(self, seen: Seen, memory: Memory) -> NDArray[np.float32]:
+        """Return the action of the phase."""
+        settings = self.settings
+        low, speed = settings.pressure_low_kpa * KPA, settings.insertion_mm_s * MM
+        insertion, pressure = 0.0, low
+        if memory.phase is Phase.ADVANCE:
+            insertion = speed
+        elif memory.phase is Phase.GROW:
+            pressure = settings.pressure_high_kpa * KPA
+        elif memory.phase is Phase.WITHDRAW and seen.pressure < low + LOW_ENOUGH:
+            # A buckled sheath has lost the catheter in it: put that back under its tip before pulling again.
+            insertion = speed if seen.buckled else -speed
+        roll_rate = self._find_turn(seen, memory) / self.observer.control_step
+        return self.observer.make_action(insertion, roll_rate, self._find_pull(seen, memory), pressure)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.envs.base import MammobotEnv
+from evergym.envs.drive import Drive
 from evergym.envs.observation import inverse_scales, term_slices
 from evergym.envs.route import WAY_DISTANCES
 from evergym.errors import ConfigError
@@ -35,17 +36,23 @@ class Seen:
     way_ahead: Array
     """Points of the way in the tip's frame (tendon side, across, ahead), shape (k, 3)."""
     distance_to_go: float
-    astray: bool
+    astray: float
+    """How far the tip is in a branch off the way [m]; 0 on the way, and among pegs."""
+    is_past: bool
+    """Whether the way leads back: the tip has passed the target, or the turning towards it."""
     wall_force_max: float
+    tip_push: float
+    """Force of the surroundings against the tip's way ahead."""
+    buckled: bool
 
-    def look_aside(self, distance: float) -> Array:
-        """Return how far the way lies aside of the tip's axis at a distance ahead, towards tendon and across [m], (2,)."""
-        aside = np.array([np.interp(distance, WAY_DISTANCES, self.way_ahead[:, a]) for a in range(2)])
-        return aside
+    def find_way(self, distance: float) -> tuple[float, float, float]:
+        """Return the point of the way that far ahead of the tip [m]: towards the tendon, across, and ahead."""
+        x, y, z = (float(np.interp(distance, WAY_DISTANCES, self.way_ahead[:, axis])) for axis in range(3))
+        return x, y, z
 
 
 class Observer:
-    """What a scripted controller knows of an env: the layout of its observation, its drive's limits, its catalogue values.
+    """What a scripted controller knows of an env: the observation's layout, the drive's limits, the robot's data sheet.
 
     Args:
         env: A MammobotDuct or MammobotPegs environment, wrapped or not.
@@ -63,6 +70,7 @@ class Observer:
         self.task = "duct" if any(term.name == "astray" for term in base.terms) else "pegs"
         self.control_step: float = base.settings.control_step_s
         self.limits = base.drive.limits
+        self._drive = Drive(self.limits)
         self._slices = term_slices(base.terms)
         self._scale = 1.0 / inverse_scales(base.terms, hide_map=False)
         # The curvature that a pull gives, as on the robot's data sheet; what it really gives, the feedback finds out.
@@ -100,9 +108,20 @@ class Observer:
             growth_rate=float(at["growth_rate"][0]),
             way_ahead=at["way_ahead"].reshape(-1, 3),
             distance_to_go=float(at["distance_to_go"][0]),
-            astray=bool("astray" in at and at["astray"][0] > 0.5),
+            astray=self._find_depth(at),
+            is_past=float(at["way_ahead"][-1]) < 0.0,
             wall_force_max=float(at["wall_force_max"][0]),
+            tip_push=max(-float(at["tip_force"][2]), 0.0),
+            buckled=float(at["buckled"][0]) > 0.5,
         )
+
+    @staticmethod
+    def _find_depth(at: dict[str, Array]) -> float:
+        """Return how far the tip is in a wrong branch [m]: the way goes back by that much before it goes ahead."""
+        if "astray" not in at or at["astray"][0] < 0.5:
+            return 0.0
+        distance = np.minimum(WAY_DISTANCES, at["distance_to_go"])  # beyond the target, the target itself is shown
+        return 0.5 * max(float(np.max(distance - at["way_ahead"].reshape(-1, 3)[:, 2])), 0.0)
 
     def find_pull(self, curvature: float) -> float:
         """Return the tendon pull [m] for a curvature [1/m] of the free catheter."""
@@ -111,13 +130,15 @@ class Observer:
             return 0.0
         return min(wanted * self._pull_per_curvature + self._lost_pull, self.limits.tendon_pull)
 
+    @property
+    def curvature_max(self) -> float:
+        """The curvature that the largest pull gives the free catheter [1/m]."""
+        return self.find_curvature(self.limits.tendon_pull)
+
+    def find_curvature(self, pull: float) -> float:
+        """Return the curvature [1/m] of the free catheter at a tendon pull [m]."""
+        return max(pull - self._lost_pull, 0.0) / self._pull_per_curvature + self._pre_curvature
+
     def make_action(self, insertion: float, roll_rate: float, pull: float, pressure: float) -> NDArray[np.float32]:
         """Return the action that commands these SI values, clipped to the drive's limits."""
-        limits = self.limits
-        values = (
-            insertion / limits.insertion_velocity,
-            roll_rate / limits.roll_rate,
-            2.0 * pull / limits.tendon_pull - 1.0,
-            2.0 * pressure / limits.pressure - 1.0,
-        )
-        return np.clip(np.array(values, dtype=np.float32), -1.0, 1.0)
+        return self._drive.action_for(insertion, roll_rate, pull, pressure)

@@ -1,4 +1,4 @@
-"""Reference arms that every policy has to beat: push only, and random."""
+"""Reference arms that every policy has to beat: push only, at full and at quarter speed, and random."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PushOnlyPolicy", "RandomPolicy"]
+__all__ = ["PushOnlyPolicy", "RandomPolicy", "SlowPushPolicy"]
 
 
 class _BlindPolicy:
@@ -30,18 +30,32 @@ class PushOnlyPolicy(_BlindPolicy):
     ACTION = np.array([1.0, 0.0, -1.0, 1.0], np.float32)
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,  # noqa: ARG002
+        deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
         """Return the one action, for each observation of a batch."""
         count = self._count(observation)
         return (self.ACTION.copy() if count is None else np.tile(self.ACTION, (count, 1))), state
 
 
+class SlowPushPolicy(PushOnlyPolicy):
+    """The same at a quarter of the insertion: whether it is only the haste that fails."""
+
+    ACTION = np.array([0.25, 0.0, -1.0, 1.0], np.float32)
+
+
 class RandomPolicy(_BlindPolicy):
     """Uniform actions; seeded by the env's action space."""
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,  # noqa: ARG002
+        deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
         """Return one sample of the action space for each observation of a batch."""
         count = self._count(observation)
