@@ -53,8 +53,8 @@ class Numerics:
         step_s: Longest implicit step.
         sheath_fibres: Fibres around the sheath.
         energy_tolerance_j: Newton stops when a full step would gain less; 1e-12 J is about a micrometre at the tip.
-        iterations_max: Newton iterations before a step is halved. Almost all steps take fewer than 20; of 3000 violent ones
-            of a second among pegs, 200 were enough for all, and 60 for all but two that then failed in small steps too.
+        iterations_max: Newton iterations before a step is halved. Almost all steps take fewer than 20; of 3000 violent
+            ones of a second among pegs, 200 were enough for all, 60 for all but two, which failed in small steps too.
     """
 
     section_length_mm: float = parameter(2.0, unit="mm", low=0.02, high=50.0)
