@@ -228,6 +228,8 @@ class Workspace(NamedTuple):
     friction_limit: Array
     depth: Array
     tip_stiffness: Array
+    ramp: Array
+    """Command of a part of a step, shape (8,)."""
 
 
 def create_workspace(links: int) -> Workspace:
@@ -274,4 +276,5 @@ def create_workspace(links: int) -> Workspace:
         friction_limit=np.zeros(n + 1),
         depth=np.zeros(n + 1),
         tip_stiffness=np.zeros(1),
+        ramp=np.zeros(8),
     )

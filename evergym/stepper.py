@@ -270,8 +270,14 @@ def advance(
             level += 1
             _copy(backup, state)
             parts = 1 << level
-            for _ in range(parts):
-                status = _substep(parameters, state, command, ws, dt / parts)
+            ramp = ws.ramp
+            ramp[:] = command
+            for k in range(parts):
+                # A jump of the drives is spread over the step in which it happens: every part makes its share.
+                share = (k + 1.0) / parts
+                ramp[2] = backup.scalar[Scalar.ROLL] + share * (command[2] - backup.scalar[Scalar.ROLL])
+                ramp[3] = backup.scalar[Scalar.DRIVE_PULL] + share * (command[3] - backup.scalar[Scalar.DRIVE_PULL])
+                status = _substep(parameters, state, ramp, ws, dt / parts)
                 if status != 0:
                     break
         if status != 0:
