@@ -30,6 +30,7 @@ COMMANDS = {
     ),
     "report": CommandEntry("evergym.agents.report", "Report", "write the report of an evaluation again"),
     "rollout": CommandEntry("evergym.agents.rollout", "Rollout", "run one episode and show it"),
+    "tune": CommandEntry("evergym.agents.tuning", "Tune", "tune the duty cycle on training anatomies"),
     "bench": CommandEntry("evergym.agents.bench", "Bench", "measure the simulator's speed and accuracy"),
     "soak": CommandEntry("evergym.agents.soak", "Soak", "run random and adversarial actions for a long time"),
     "duct make": CommandEntry("evergym.duct_models.commands", "DuctMake", "make ducts of a family, or from a mesh"),

@@ -1,9 +1,9 @@
 """The duty cycle: the scripted controller that drives the robot as its operators do.
 
 The cycle of the 2021 and 2023 robots: drop the pressure, so that the sheath is soft and does not grow; turn the
-catheter and pull its tendon towards the next way point; advance it by a step out of the sheath; raise the pressure until
-the sheath has grown over it; and again. It goes back at low pressure: withdrawing the catheter pulls the tail too, which
-first gives up its slack and then inverts the wall.
+catheter and pull its tendon towards the next way point; advance it by a step out of the sheath; raise the pressure
+until the sheath has grown over it; and again. It goes back at low pressure: withdrawing the catheter pulls the tail
+too, which first gives up its slack and then inverts the wall.
 """
 
 from __future__ import annotations
@@ -177,6 +177,8 @@ class DutyCycleController:
         if lost:
             memory = replace(memory, attempts=memory.attempts + 1)
             return self._enter(memory, Phase.WITHDRAW, goal=length - self._find_margin(memory))
+        if memory.phase is not Phase.STEER and seen.tip_push > settings.force_limit_n:
+            return self._enter(memory, Phase.WITHDRAW, goal=length - settings.relief_mm * MM)
         if memory.phase is Phase.STEER:
             dropped = seen.pressure < settings.pressure_low_kpa * KPA + LOW_ENOUGH
             if (dropped and self._is_steered(seen, memory)) or memory.time > 6.0:
@@ -185,8 +187,6 @@ class DutyCycleController:
                 step = min(settings.step_mm * MM, max(seen.distance_to_go, 1.0 * MM), max(room, 0.0))
                 return self._enter(memory, Phase.ADVANCE, goal=length + step)
         elif memory.phase is Phase.ADVANCE:
-            if seen.tip_push > settings.force_limit_n:
-                return self._enter(memory, Phase.WITHDRAW, goal=length - settings.relief_mm * MM)
             if length >= memory.goal or memory.time > 15.0:
                 return self._enter(memory, Phase.GROW)
         elif memory.phase is Phase.GROW:
@@ -227,9 +227,7 @@ class DutyCycleController:
         share = 1.0 - math.exp(-self.observer.control_step / settings.reaction_s)
         bend += share * missing / (0.5 * (lever + ahead) ** 2)
         size = float(np.linalg.norm(bend))
-        # A robot that lies hard against a wall bends no further: pulling more would only press more.
-        limit = now if seen.wall_force_max > settings.force_limit_n else self.observer.curvature_max
-        bend *= min(1.0, limit / max(size, 1e-9))
+        bend *= min(1.0, self.observer.curvature_max / max(size, 1e-9))
         return float(bend[0]), float(bend[1])
 
     def _find_turn(self, seen: Seen, memory: Memory) -> float:

@@ -28,7 +28,6 @@ class Seen:
 
     catheter_length: float
     everted_length: float
-    slack: float
     roll: float
     tendon_pull: float
     pressure: float
@@ -40,7 +39,6 @@ class Seen:
     """How far the tip is in a branch off the way [m]; 0 on the way, and among pegs."""
     is_past: bool
     """Whether the way leads back: the tip has passed the target, or the turning towards it."""
-    wall_force_max: float
     tip_push: float
     """Force of the surroundings against the tip's way ahead."""
     buckled: bool
@@ -101,7 +99,6 @@ class Observer:
         return Seen(
             catheter_length=everted + float(at["protrusion"][0]),
             everted_length=everted,
-            slack=float(at["slack"][0]),
             roll=math.atan2(float(at["roll"][0]), float(at["roll"][1])),
             tendon_pull=float(at["tendon_pull"][0]),
             pressure=float(at["pressure"][0]),
@@ -110,7 +107,6 @@ class Observer:
             distance_to_go=float(at["distance_to_go"][0]),
             astray=self._find_depth(at),
             is_past=float(at["way_ahead"][-1]) < 0.0,
-            wall_force_max=float(at["wall_force_max"][0]),
             tip_push=max(-float(at["tip_force"][2]), 0.0),
             buckled=float(at["buckled"][0]) > 0.5,
         )
