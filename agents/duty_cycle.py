@@ -53,16 +53,9 @@ class DutyCycleSettings:
     lever_mm: float = parameter(25.0, unit="mm", low=5.0, high=100.0, prior=True, help="Length that steering bends.")
     reaction_s: float = parameter(0.7, unit="s", low=0.05, high=10.0, prior=True, help="Time constant of steering.")
     force_limit_n: float = parameter(
-        0.3,
-        unit="N",
-        low=0.01,
-        high=5.0,
-        prior=True,
-        help="Against the tip, it withdraws; on a wall, it bends no further.",
+        0.3, unit="N", low=0.01, high=0.5, prior=True, help="Force on the tip from which it withdraws."
     )
-    relief_mm: float = parameter(
-        2.0, unit="mm", low=0.0, high=20.0, prior=True, help="How far it withdraws from a force."
-    )
+    relief_mm: float = parameter(2.0, unit="mm", low=0.0, high=20.0, prior=True, help="How far it then withdraws.")
     astray_mm: float = parameter(
         4.0,
         unit="mm",
