@@ -22,7 +22,7 @@ from evergym.agents.duty_cycle import (
     Phase,
     load_tuned_settings,
 )
-from evergym.agents.observer import Observer
+from evergym.agents.observer import Observer, Seen
 from evergym.agents.reference import PushOnlyPolicy
 from evergym.envs.observation import inverse_scales, term_slices
 from evergym.errors import ConfigError
@@ -33,7 +33,8 @@ KNOWN = DutyCycleSettings()  # the tests of single decisions do not depend on th
 
 def drive(env: gymnasium.Env[Any, Any], policy: Any, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
     """Drive to the end of the episode; returns the last info, with the largest attempts counter as "attempts"."""
-    state, ended = None, False
+    state: Any = None
+    ended = False
     while not ended:
         action, state = policy.predict(observation, state)
         observation, _, terminated, truncated, info = env.step(action)
@@ -167,6 +168,8 @@ def test_evaluate_policy_takes_it_unchanged() -> None:
     envs = DummyVecEnv([lambda: Monitor(gymnasium.make("MammobotDuct-v0", pool_size=1)) for _ in range(2)])
     envs.seed(0)
     controller: Any = DutyCycleController(gymnasium.make("MammobotDuct-v0"))
+    rewards: Any
+    lengths: Any
     rewards, lengths = evaluate_policy(controller, envs, n_eval_episodes=2, return_episode_rewards=True)
     assert min(rewards) > 5.0  # the reward for success; way and time add less
     assert max(lengths) < 1200
@@ -206,6 +209,9 @@ class Scene:
         for name, value in values.items():
             row[self.places[name]] = np.ravel(value)
         return (row * self.factors).astype(np.float32)
+
+    def read(self, **terms: Any) -> Seen:
+        return self.controller.observer.read(self.observe(**terms).astype(np.float64))
 
     def decide(self, memory: Memory, **terms: Any) -> tuple[NDArray[np.float32], Memory]:
         action, state = self.controller.predict(self.observe(**terms), (memory,))
@@ -272,12 +278,10 @@ def make_wrong_way(depth: float) -> list[list[float]]:
 
 def test_measures_how_far_it_is_astray(scene: Scene) -> None:
     for depth in (1.0 * MM, 4.0 * MM, 8.0 * MM):
-        seen = scene.controller.observer.read(
-            scene.observe(astray=1.0, way_ahead=make_wrong_way(depth)).astype(np.float64)
-        )
+        seen = scene.read(astray=1.0, way_ahead=make_wrong_way(depth))
         assert seen.astray == pytest.approx(depth, abs=1e-6)
         assert not seen.is_past
-    assert scene.controller.observer.read(scene.observe(way_ahead=make_wrong_way(4.0 * MM))).astray == 0.0
+    assert scene.read(way_ahead=make_wrong_way(4.0 * MM)).astray == 0.0
 
 
 def test_backs_out_when_it_is_sure_to_be_astray(scene: Scene) -> None:
