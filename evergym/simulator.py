@@ -163,8 +163,11 @@ class Simulator:
                 straight.
 
         Raises:
-            ConfigError: a length outside the robot's.
+            ConfigError: a length outside the robot's, or a value that is not finite.
         """
+        for name, value in (("pressure", pressure), ("tendon_pull", tendon_pull), ("roll", roll)):
+            if not math.isfinite(value):
+                raise ConfigError(f"The {name} at the start must be a finite number: got {value}.")
         robot = self.parameters.robot
         everted = everted_length if robot.has_sheath else 0.0
         if robot.has_sheath and not EVERTED_LENGTH_MIN <= everted <= robot.everted_length_max:

@@ -109,6 +109,14 @@ def test_impossible_catheter_is_refused(robot: Simulator, length: float) -> None
         robot.reset(catheter_length=length)
 
 
+@pytest.mark.parametrize("name", ["pressure", "tendon_pull", "roll"])
+def test_start_that_is_no_number_is_refused(robot: Simulator, name: str) -> None:
+    before = robot.save()
+    with pytest.raises(ConfigError, match=f"The {name} at the start must be a finite number"):
+        robot.reset(**{name: math.nan})
+    np.testing.assert_array_equal(robot.state.position, before.state.position)
+
+
 @pytest.mark.parametrize(
     ("command", "duration"),
     [
