@@ -16,6 +16,7 @@ def test_cost_against_sections() -> None:
     for count in counts:
         robot = Simulator(load_model("mammobot_2023"), numerics=Numerics(section_length_mm=100.0 / count))
         robot.reset(everted_length=0.100, pressure=30e3)
+        robot.advance(Command(pressure=30e3), 0.25)  # loads the kernels
         iterations = robot.state.scalar[Scalar.ITERATIONS]
         start = time.process_time()
         for k in range(30):
