@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evergym.chain import update_covers
 from evergym.contact import add_contact
 from evergym.links import add_springs
 from evergym.simulator import Simulator
 from evergym.state import Scalar, create_workspace
-from evergym.stepper import _update_covers
 
 __all__ = ["Energies", "compute_energies"]
 
@@ -46,7 +46,7 @@ def compute_energies(simulator: Simulator) -> Energies:
     parameters, state = simulator.parameters, simulator.state
     n = int(state.links[0])
     ws = create_workspace(state.length.shape[0])
-    _update_covers(parameters, state, ws)
+    update_covers(parameters, state, ws)
     # Dashpots have no energy in a step of infinite length.
     springs, path = add_springs(parameters, state, ws, state.bend, state.roll, math.inf)
     tendon = 0.0

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from evergym.contact import add_contact, add_friction
+from evergym.effects.tendon_friction import compute_rubbing_tendon
 from evergym.jit import njit
 from evergym.links import add_springs, place_link
 from evergym.riccati import sweep_back
@@ -71,9 +72,15 @@ def _add_nodes(
         hessian[1, 1] = inertia
         hessian[2, 2] = inertia
         if i == n:
+            along = 0.0
+            if not parameters.effects.axial_buckling.enabled:
+                # The axis takes what presses along it.
+                along = command[5] * ws.tip_axis[0] + command[6] * ws.tip_axis[1] + command[7] * ws.tip_axis[2]
+                along = min(along, 0.0)
             for a in range(3):
-                energy -= command[5 + a] * position[i, a]
-                gradient[a] -= command[5 + a]
+                load = command[5 + a] - along * ws.tip_axis[a]
+                energy -= load * position[i, a]
+                gradient[a] -= load
     if touching:
         energy += add_contacts(parameters, state, ws, position, frame, dt)
     return energy
@@ -186,24 +193,51 @@ def _evaluate(
     dt: float,
     place: bool,
 ) -> tuple[float, float, float]:
-    """Place all sections, overwrite all derivatives, and return energy [J], tendon stretch [m] and tension [N].
+    """Place all sections, overwrite all derivatives, and return energy [J], the tendon's compliance [m/N], which is 0
+    where it is slack, and the tension [N] that the drive feels.
 
     With ``place`` false the sections lie where the bends put them already.
     """
     n = state.links[0]
     if place:
         for j in range(n):
-            place_link(j, state.length[j], bend[j, 0], bend[j, 1], ws.link, ws.column, ws.half_column, position, frame)
+            place_link(
+                j,
+                state.length[j],
+                bend[j, 0],
+                bend[j, 1],
+                state.shear,
+                ws.link,
+                ws.column,
+                ws.half_column,
+                position,
+                frame,
+            )
     energy, path = add_springs(parameters, state, ws, bend, roll, dt)
     energy += _add_nodes(parameters, state, command, ws, position, frame, dt)
     stretch = state.scalar[Scalar.TRANSMITTED_PULL] - path
     if not parameters.robot.has_catheter or state.scalar[Scalar.CATHETER_LENGTH] <= 0.0:
         stretch = -1.0
-    compliance = parameters.effects.tendon_stretch.compliance
-    tension = 0.0
+    ws.rubbing[1] = path
+    line = 0.0
+    drive_tension = 0.0
     if stretch > 0.0:
-        tension = stretch / compliance
-        energy += 0.5 * stretch * tension
+        line = parameters.effects.tendon_stretch.compliance
+        tension = stretch / line
+        drive_tension = tension
+        if ws.rubbing[0] > 0.0:
+            work, tension, line = compute_rubbing_tendon(
+                ws.rubbing[0],
+                state.scalar[Scalar.TRANSMITTED_PULL],
+                path,
+                state.scalar[Scalar.TENDON_PATH],
+                state.scalar[Scalar.TENDON_SLIDE],
+                parameters.effects.tendon_friction.presliding,
+                line,
+            )
+            energy += work
+        else:
+            energy += 0.5 * stretch * tension
         for j in range(n):
             c1 = ws.tendon[j, 1]
             c0 = ws.tendon[j, 0]
@@ -218,7 +252,7 @@ def _evaluate(
             ws.link_hessian[j, 2, 2] += 0.25 * along
             ws.link_hessian[j, 2, 3] += 0.5 * along
             ws.link_hessian[j, 3, 3] += along
-    return energy, stretch, tension
+    return energy, line, drive_tension
 
 
 @njit
@@ -258,6 +292,7 @@ def _apply_step(step: float, scale: float, n: int, ws: Workspace, state: State) 
             state.length[j],
             ws.bend[j, 0],
             ws.bend[j, 1],
+            state.shear,
             ws.link,
             ws.column,
             ws.half_column,
@@ -294,8 +329,7 @@ def solve_equilibrium(parameters: Parameters, state: State, command: Array, ws: 
         A `Status` code.
     """
     n = state.links[0]
-    compliance = parameters.effects.tendon_stretch.compliance
-    energy, stretch, tension = _evaluate(
+    energy, line, tension = _evaluate(
         parameters, state, command, ws, state.bend, state.roll, state.position, state.frame, dt, True
     )
     for i in range(n + 1):
@@ -314,8 +348,8 @@ def solve_equilibrium(parameters: Parameters, state: State, command: Array, ws: 
         # The tendon joins all links: a rank-one term, by Sherman and Morrison from a second right-hand side.
         weight = 0.0
         decrease = slope
-        if stretch > 0.0:
-            weight = mixed / (compliance + tendon)
+        if line > 0.0:
+            weight = mixed / (line + tendon)
             decrease -= mixed * weight
         decrease *= 0.5
         if decrease <= parameters.numerics.energy_tolerance * 1e-6:
@@ -326,7 +360,7 @@ def solve_equilibrium(parameters: Parameters, state: State, command: Array, ws: 
         margin = ROUND_OFF * abs(energy)
         for _ in range(LINE_SEARCH_MAX):
             _apply_step(-weight, scale, n, ws, state)
-            trial, trial_stretch, trial_tension = _evaluate(
+            trial, trial_line, trial_tension = _evaluate(
                 parameters, state, command, ws, ws.bend, ws.roll, ws.position, ws.frame, dt, False
             )
             if trial <= energy - 1e-4 * scale * decrease + margin:
@@ -334,7 +368,7 @@ def solve_equilibrium(parameters: Parameters, state: State, command: Array, ws: 
                 break
             scale *= 0.5
         if not accepted:
-            energy, stretch, tension = _evaluate(
+            energy, line, tension = _evaluate(
                 parameters, state, command, ws, state.bend, state.roll, state.position, state.frame, dt, True
             )
             if decrease <= parameters.numerics.energy_tolerance * 1e3 or damping >= DAMPING_MAX:
@@ -346,7 +380,7 @@ def solve_equilibrium(parameters: Parameters, state: State, command: Array, ws: 
             continue
         damping = 0.1 * damping if damping > DAMPING_MIN else 0.0
         energy = trial
-        stretch = trial_stretch
+        line = trial_line
         tension = trial_tension
         _accept(n, ws, state)
         # Newton converges quadratically: after a full step of this decrease the next would be of its square.

@@ -12,11 +12,13 @@ import math
 
 from evergym.effects.eversion_yield import compute_yield_pressure
 from evergym.effects.feed_limit import compute_taut_speed
+from evergym.effects.pressure_droop import compute_droop
 from evergym.effects.retraction_buckling import compute_axial_limit, compute_inversion_tension
 from evergym.effects.tail_capstan_friction import compute_capstan_factor
 from evergym.effects.tail_catheter_friction import compute_squeeze_loss
 from evergym.effects.tail_coulomb_friction import compute_tail_loss
 from evergym.effects.viscous_eversion import compute_pressure_speed
+from evergym.effects.wall_compliance import compute_wall_stretch
 from evergym.jit import njit
 from evergym.lattice import compute_bundle
 from evergym.state import Array, Parameters, Scalar, State, Workspace
@@ -216,6 +218,17 @@ def update_eversion(parameters: Parameters, state: State, command: Array, ws: Wo
         else:
             growth = _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, step)
             tip_force += tip_stiffness * growth
+            if parameters.effects.pressure_droop.resistance > 0.0:
+                scalar[Scalar.DROOP] = compute_droop(
+                    parameters.effects.pressure_droop,
+                    scalar[Scalar.DROOP],
+                    growth / step,
+                    parameters.effects.pressure_lag.time,
+                    step,
+                )
+                scalar[Scalar.PRESSURE] = scalar[Scalar.SUPPLY_PRESSURE] - scalar[Scalar.DROOP]
+    stretch = compute_wall_stretch(parameters.effects.wall_compliance.axial, scalar[Scalar.PRESSURE])
+    scalar[Scalar.WALL_LENGTH] = scalar[Scalar.EVERTED_LENGTH] * stretch
     scalar[Scalar.GROWTH_RATE] = (scalar[Scalar.EVERTED_LENGTH] - everted) / dt
     if robot.has_catheter and not robot.may_protrude:
         scalar[Scalar.CATHETER_LENGTH] = min(scalar[Scalar.CATHETER_LENGTH], scalar[Scalar.EVERTED_LENGTH])

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import math
 
+from evergym.effects.clearance_play import add_play
+from evergym.effects.notch_closure import NotchClosureParameters, compute_closure
 from evergym.effects.root_kink import compute_kink_moment
+from evergym.effects.torsional_windup import compute_roll_friction, compute_torque_limit
+from evergym.effects.wall_compliance import compute_wall_stretch
+from evergym.effects.wall_pretension import compute_pretension_moment
 from evergym.jit import njit
 from evergym.lattice import compute_bundle
 from evergym.state import Array, Parameters, Scalar, State, Workspace
@@ -21,6 +26,7 @@ def place_link(
     length: float,
     px: float,
     py: float,
+    shear: Array,
     link: Array,
     column: Array,
     half_column: Array,
@@ -37,6 +43,7 @@ def place_link(
         length: Its length [m].
         px: Bend about the first section's x [rad].
         py: Bend about its y [rad].
+        shear: Sideways slide of each link over its length [1], shape (n, 2).
         link: Vector along each link [m], shape (n, 3).
         column: Derivative of the end rotation by the bends, shape (n, 2, 3).
         half_column: Derivative of the link's own rotation by the bends, shape (n, 2, 3).
@@ -66,6 +73,13 @@ def place_link(
     dx = h1 * qy
     dy = -h1 * qx
     dz = 1.0 - hc2 * (qx * qx + qy * qy)
+    sx = shear[j, 0]
+    sy = shear[j, 1]
+    if sx != 0.0 or sy != 0.0:
+        # The slide turns with the link.
+        dx += sx * (1.0 - hc2 * qy * qy) + sy * hc2 * qx * qy
+        dy += sx * hc2 * qx * qy + sy * (1.0 - hc2 * qx * qx)
+        dz += h1 * (sy * qx - sx * qy)
     # Columns of the end rotation exp(bend).
     e00 = 1.0 - c2 * py * py
     e01 = c2 * px * py
@@ -96,6 +110,7 @@ def _add_catheter(
     bend_y: float,
     c: float,
     s: float,
+    closure: NotchClosureParameters,
     section: Array,
     gradient: Array,
     hessian: Array,
@@ -109,6 +124,12 @@ def _add_catheter(
     kxx = share * section[3]
     kxy = share * section[4]
     kyy = share * section[5]
+    energy = share * section[0]
+    if closure.stiffness > 0.0:
+        closed, moment, stiffness = compute_closure(closure, cy, length)
+        energy += share * closed
+        my += share * moment
+        kyy += share * stiffness
     gradient[0] += c * mx - s * my
     gradient[1] += s * mx + c * my
     # Rolling turns the bend in the catheter's frame at the rate (cy, -cx).
@@ -131,7 +152,7 @@ def _add_catheter(
     hessian[2, 2] += 0.25 * roll_roll
     hessian[2, 3] += 0.5 * roll_roll
     hessian[3, 3] += roll_roll
-    return float(share * section[0])
+    return float(energy)
 
 
 @njit
@@ -160,8 +181,8 @@ def add_springs(
     path [m].
 
     The forces, in this order: sheath fibres under pressure (or the kink at the root), flexible and proximal catheter
-    fibres, torsional braces, damping in the fibres, the tail of a buckled column. The tendon's own energy is left to
-    the caller.
+    fibres, the play at the base in series with them, torsional braces, the tail's grip on the catheter's roll, damping
+    in the fibres, the tail of a buckled column, the wall's pre-tension. The tendon's own energy is left to the caller.
 
     Args:
         parameters: `Parameters`.
@@ -173,9 +194,16 @@ def add_springs(
     """
     robot = parameters.robot
     section = ws.section
-    root_kink = parameters.effects.root_kink
+    effects = parameters.effects
+    root_kink = effects.root_kink
     pressure = state.scalar[Scalar.PRESSURE]
-    thrust = max(pressure, 0.0) * math.pi * robot.sheath_radius * robot.sheath_radius
+    area = math.pi * robot.sheath_radius * robot.sheath_radius
+    thrust = max(pressure, 0.0) * area * compute_wall_stretch(effects.wall_compliance.hoop, pressure) ** 2
+    play = effects.clearance_play
+    pretension = compute_pretension_moment(effects.wall_pretension, pressure, area)
+    torque_limit = 0.0
+    if effects.torsional_windup.mu > 0.0:
+        torque_limit = compute_torque_limit(effects.torsional_windup, pressure, robot.catheter_radius)
     buckling_moment = 0.0
     if state.scalar[Scalar.BUCKLED] > 0.0:
         # The taut tail bears on the inside of the bend, one sheath radius off the axis.
@@ -185,6 +213,7 @@ def add_springs(
     proximal_braces = _sum_braces(robot.proximal_bundle)
     unused_braces = UNUSED_TWIST_SHARE * flexible_braces
     sheath_damping = robot.damping_time / dt * _sum_stiffness(robot.sheath_bundle)
+    uncut = NotchClosureParameters(0.0, 0.0)
     energy = 0.0
     path = 0.0
     for j in range(state.links[0]):
@@ -197,8 +226,17 @@ def add_springs(
         tendon[:] = 0.0
         bend_x = bend[j, 0]
         bend_y = bend[j, 1]
+        has_play = j == 0 and play.angle > 0.0
+        if has_play:
+            size = math.sqrt(bend_x * bend_x + bend_y * bend_y)
+            elastic = 1.0 - play.angle / size if size > play.angle else 0.0
+            bend_x *= elastic
+            bend_y *= elastic
         sheath_share = ws.cover[j, 0] / length
         if sheath_share > 0.0:
+            # Creep takes over a part of the bend; the springs feel the rest.
+            wall_x = bend_x - state.crept[j, 0] * length
+            wall_y = bend_y - state.crept[j, 1] * length
             hinge = 0.0
             if j == 0 and (root_kink.moment > 0.0 or root_kink.share > 0.0):
                 hinge = compute_kink_moment(root_kink, pressure, robot.sheath_radius)
@@ -206,15 +244,15 @@ def add_springs(
                 # Elastic at first, then the kink's constant moment.
                 compute_bundle(robot.sheath_bundle, 1.0, 0.0, 0.0, length, section)
                 width = hinge / section[3]
-                root = math.sqrt(bend_x * bend_x + bend_y * bend_y + width * width)
+                root = math.sqrt(wall_x * wall_x + wall_y * wall_y + width * width)
                 energy += hinge * (root - width)
-                gradient[0] += hinge * bend_x / root
-                gradient[1] += hinge * bend_y / root
-                hessian[0, 0] += hinge / root * (1.0 - bend_x * bend_x / (root * root))
-                hessian[0, 1] -= hinge / root * bend_x * bend_y / (root * root)
-                hessian[1, 1] += hinge / root * (1.0 - bend_y * bend_y / (root * root))
+                gradient[0] += hinge * wall_x / root
+                gradient[1] += hinge * wall_y / root
+                hessian[0, 0] += hinge / root * (1.0 - wall_x * wall_x / (root * root))
+                hessian[0, 1] -= hinge / root * wall_x * wall_y / (root * root)
+                hessian[1, 1] += hinge / root * (1.0 - wall_y * wall_y / (root * root))
             else:
-                compute_bundle(robot.sheath_bundle, thrust, bend_x, bend_y, length, section)
+                compute_bundle(robot.sheath_bundle, thrust, wall_x, wall_y, length, section)
                 energy += sheath_share * section[0]
                 gradient[0] += sheath_share * section[1]
                 gradient[1] += sheath_share * section[2]
@@ -224,28 +262,67 @@ def add_springs(
         twist = roll[j + 1] - roll[j]
         flexible = ws.cover[j, 1] / length
         proximal = ws.cover[j, 2] / length
+        arm = 0.0
         if flexible > 0.0 or proximal > 0.0:
             middle = 0.5 * (roll[j] + roll[j + 1])
             c = math.cos(middle)
             s = math.sin(middle)
             if flexible > 0.0:
                 energy += _add_catheter(
-                    robot.flexible_bundle, flexible, length, bend_x, bend_y, c, s, section, gradient, hessian
+                    robot.flexible_bundle,
+                    flexible,
+                    length,
+                    bend_x,
+                    bend_y,
+                    c,
+                    s,
+                    effects.notch_closure,
+                    section,
+                    gradient,
+                    hessian,
                 )
             if proximal > 0.0:
                 energy += _add_catheter(
-                    robot.proximal_bundle, proximal, length, bend_x, bend_y, c, s, section, gradient, hessian
+                    robot.proximal_bundle,
+                    proximal,
+                    length,
+                    bend_x,
+                    bend_y,
+                    c,
+                    s,
+                    uncut,
+                    section,
+                    gradient,
+                    hessian,
                 )
             # The tendon lies at (arm, 0) of the catheter's frame: bending towards it, about y, shortens its path.
-            arm = robot.tendon_arm * flexible
-            tendon[0] = -arm * s
-            tendon[1] = arm * c
-            tendon[3] = -arm * (c * bend_x + s * bend_y)
-            tendon[2] = 0.5 * tendon[3]
+            if not has_play or play.tendon_crosses:
+                arm = robot.tendon_arm * flexible
+                tendon[0] = -arm * s
+                tendon[1] = arm * c
+                tendon[3] = -arm * (c * bend[j, 0] + s * bend[j, 1])
+                tendon[2] = 0.5 * tendon[3]
+        bend_x = bend[j, 0]
+        bend_y = bend[j, 1]
+        if has_play:
+            energy += add_play(play, bend_x, bend_y, gradient, hessian)
         braces = (flexible * flexible_braces + proximal * proximal_braces + unused_braces) / length
         energy += 0.5 * braces * twist * twist
         gradient[2] += braces * twist
         hessian[2, 2] += braces
+        if torque_limit > 0.0:
+            gripped = min(ws.cover[j, 0], ws.cover[j, 1] + ws.cover[j, 2])
+            if gripped > 0.0:
+                angle = 0.5 * (roll[j] + roll[j + 1]) - state.roll_anchor[j]
+                work, torque, stiffness = compute_roll_friction(
+                    torque_limit * gripped, angle, effects.torsional_windup.presliding
+                )
+                energy += work
+                gradient[2] += 0.5 * torque
+                gradient[3] += torque
+                hessian[2, 2] += 0.25 * stiffness
+                hessian[2, 3] += 0.5 * stiffness
+                hessian[3, 3] += stiffness
         if robot.damping_time > 0.0:
             # Dashpots along the fibres, as stiff as the taut fibres of the catheter, or else of the sheath.
             damping = (catheter_damping if flexible > 0.0 else sheath_damping) / length
@@ -266,5 +343,11 @@ def add_springs(
             energy -= moment * (state.scalar[Scalar.BUCKLING_X] * bend_x + state.scalar[Scalar.BUCKLING_Y] * bend_y)
             gradient[0] -= moment * state.scalar[Scalar.BUCKLING_X]
             gradient[1] -= moment * state.scalar[Scalar.BUCKLING_Y]
-        path += tendon[1] * bend_y + tendon[0] * bend_x - robot.tendon_arm * flexible * robot.pre_curvature * length
+        if pretension != 0.0 and sheath_share > 0.0:
+            moment_x = -pretension * sheath_share * effects.wall_pretension.sine
+            moment_y = pretension * sheath_share * effects.wall_pretension.cosine
+            energy -= moment_x * bend_x + moment_y * bend_y
+            gradient[0] -= moment_x
+            gradient[1] -= moment_y
+        path += tendon[1] * bend_y + tendon[0] * bend_x - arm * robot.pre_curvature * length
     return energy, path

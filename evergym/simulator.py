@@ -14,7 +14,7 @@ from evergym.errors import ConfigError, SimulationDiverged
 from evergym.eversion import EVERTED_LENGTH_MIN
 from evergym.model import Model, Numerics, compile_numerics, compile_robot
 from evergym.state import Parameters, Scalar, State, copy_state, create_state, create_workspace
-from evergym.stepper import advance_packed, pack, settle
+from evergym.stepper import advance_packed, compute_supply, pack, settle
 from evergym.world import World
 
 __all__ = ["Command", "Contacts", "Reading", "Shape", "Simulator", "Snapshot"]
@@ -132,6 +132,8 @@ class Simulator:
         if setup == "catheter":
             # The lost motion is that of the assembled robot.
             effects = effects._replace(tendon_backlash=effects.tendon_backlash._replace(lost_motion=0.0))
+        if setup != "full":
+            effects = effects._replace(clearance_play=effects.clearance_play._replace(angle=0.0))
         self.parameters = Parameters(robot, effects, compile_numerics(self.numerics), self.world.compile())
         reach = max(robot.everted_length_max, robot.catheter_length_max if robot.has_catheter else 0.0)
         links = int(np.ceil(reach / self.parameters.numerics.section_length)) + 2
@@ -156,7 +158,7 @@ class Simulator:
         Args:
             everted_length: Wall outside the port [m]; ignored without a sheath.
             catheter_length: Catheter inserted [m]; None: up to the sheath's tip (95 mm without a sheath).
-            pressure: [Pa gauge].
+            pressure: Set point, reached already [Pa gauge].
             tendon_pull: [m].
             roll: Of the catheter [rad].
             path: Points from the port on along which to lay the robot before it settles [m], shape (k, 3); None:
@@ -189,7 +191,10 @@ class Simulator:
         scalar[Scalar.EVERTED_LENGTH] = everted
         scalar[Scalar.CATHETER_LENGTH] = inserted
         scalar[Scalar.FED_LENGTH] = 2.0 * everted
-        scalar[Scalar.PRESSURE] = pressure
+        supply = compute_supply(self.parameters, pressure, 0.0)
+        scalar[Scalar.PRESSURE] = supply
+        scalar[Scalar.SUPPLY_PRESSURE] = supply
+        scalar[Scalar.WALL_LENGTH] = everted * (1.0 + self.parameters.effects.wall_compliance.axial * supply)
         scalar[Scalar.ROLL] = roll
         self._command[:] = (0.0, 0.0, roll, tendon_pull, pressure, 0.0, 0.0, 0.0)
         tangent = np.zeros((0, 3)) if path is None else self._sample_tangents(path)
@@ -254,7 +259,7 @@ class Simulator:
             tip_position=state.position[n].copy(),
             tip_direction=frame[:, 2].copy(),
             tendon_side=math.cos(roll) * frame[:, 0] + math.sin(roll) * frame[:, 1],
-            everted_length=s[Scalar.EVERTED_LENGTH],
+            everted_length=s[Scalar.WALL_LENGTH],
             catheter_length=s[Scalar.CATHETER_LENGTH],
             slack=max(s[Scalar.FED_LENGTH] - 2.0 * s[Scalar.EVERTED_LENGTH], 0.0),
             growth_rate=s[Scalar.GROWTH_RATE],
@@ -284,7 +289,7 @@ class Simulator:
             position=state.position[: n + 1].copy(),
             tangent=frame[:, :, 2].copy(),
             station=station,
-            in_sheath=station <= state.scalar[Scalar.EVERTED_LENGTH] + 1e-9,
+            in_sheath=station <= state.scalar[Scalar.WALL_LENGTH] + 1e-9,
             catheter_direction=cos * frame[:, :, 0] + sin * frame[:, :, 1],
         )
 

@@ -60,7 +60,16 @@ class Scalar(IntEnum):
     WALL_FORCE_SUM = 21
     CONTACT_COUNT = 22
     PENETRATION_MAX = 23
-    COUNT = 24
+    SUPPLY_PRESSURE = 24
+    """Pressure of the supply behind its lag; the robot's own is lower by the droop."""
+    DROOP = 25
+    WALL_LENGTH = 26
+    """Everted length as the pressure stretches it."""
+    TENDON_PATH = 27
+    """By which the catheter's bend shortens the tendon [m]."""
+    TENDON_SLIDE = 28
+    """State of the tendon's friction: 1 while it is pulled, -1 while it is paid out."""
+    COUNT = 29
 
 
 class State(NamedTuple):
@@ -92,6 +101,12 @@ class State(NamedTuple):
     """Largest friction force at each node, mu N [N], shape (n + 1,)."""
     depth: Array
     """Indentation of the wall or peg at each node [m], shape (n + 1,)."""
+    roll_anchor: Array
+    """Roll at which the sheath's friction holds the catheter, of each link [rad], shape (n,)."""
+    crept: Array
+    """Curvature that the wall has taken as its own by creep, of each link, about x and y [1/m], shape (n, 2)."""
+    shear: Array
+    """Sideways slide of each link over its length, along x and y [1], shape (n, 2)."""
 
 
 def create_state(links: int) -> State:
@@ -108,6 +123,9 @@ def create_state(links: int) -> State:
         contact_force=np.zeros((links + 1, 3)),
         friction_limit=np.zeros(links + 1),
         depth=np.zeros(links + 1),
+        roll_anchor=np.zeros(links),
+        crept=np.zeros((links, 2)),
+        shear=np.zeros((links, 2)),
     )
 
 
@@ -230,6 +248,10 @@ class Workspace(NamedTuple):
     tip_stiffness: Array
     ramp: Array
     """Command of a part of a step, shape (8,)."""
+    rubbing: Array
+    """Exponent mu theta of the tendon's friction in this step [1], and the path last evaluated [m], shape (2,)."""
+    tip_axis: Array
+    """Direction of the tip at the step's start, shape (3,)."""
 
 
 def create_workspace(links: int) -> Workspace:
@@ -277,4 +299,6 @@ def create_workspace(links: int) -> Workspace:
         depth=np.zeros(n + 1),
         tip_stiffness=np.zeros(1),
         ramp=np.zeros(8),
+        rubbing=np.zeros(2),
+        tip_axis=np.zeros(3),
     )

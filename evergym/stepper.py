@@ -1,13 +1,14 @@
 """The substep loop: what happens, in which order, from one state to the next.
 
-1. pressure    follows its set point                                     `effects.pressure_lag`, `effects.burst_limit`
+1. pressure    follows its set point                                     `effects.pressure_*`, `effects.burst_limit`
 2. tendon      takes up the drive's pull                                 `effects.tendon_backlash`
 3. eversion    catheter slides, tail is fed, wall grows or inverts       `evergym.eversion`: yield, rate, feed,
 friction, buckling
-4. chain       gains or loses links at the tip; masses and covers        here
+4. chain       gains or loses links at the tip; masses and covers        `evergym.chain`
 5. equilibrium of springs, tendon, weight, contact and friction          `evergym.equilibrium`, `evergym.links`,
 `evergym.contact`
 6. records     contact forces, friction limits, velocities               here
+7. histories   tendon friction, the tail's grip on the roll, creep       `evergym.history`
 
 A new force is a term in step 5: of a link in `evergym.links.add_springs`, of a node in `evergym.equilibrium`. A new
 effect on growth is a term in step 3. A command is an array of eight: insertion velocity, tail feed velocity [m/s],
@@ -19,120 +20,34 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from evergym.chain import place_chain, update_chain, update_covers
 from evergym.effects.burst_limit import has_burst
 from evergym.effects.pressure_lag import compute_lagged_pressure
+from evergym.effects.pressure_ripple import compute_ripple
 from evergym.effects.tendon_backlash import compute_transmitted_pull
 from evergym.equilibrium import solve_equilibrium
 from evergym.eversion import update_eversion
+from evergym.history import update_histories
 from evergym.jit import TypedList, njit
-from evergym.links import place_link
 from evergym.state import Array, Parameters, Scalar, State, Workspace
 
-__all__ = ["advance", "advance_packed", "pack", "settle"]
+__all__ = ["advance", "advance_packed", "compute_supply", "pack", "settle"]
 
 HALVINGS_MAX = 5
 """A substep that fails is taken again in 2, 4, ... steps, up to 2 to this power."""
 
 
 @njit
-def _place_chain(parameters: Parameters, state: State, ws: Workspace) -> None:
-    """Place all sections of ``state`` from its bends, from the port on."""
-    for a in range(3):
-        state.position[0, a] = 0.0
-        for b in range(3):
-            state.frame[0, a, b] = parameters.world.port_frame[a, b]
-    for j in range(state.links[0]):
-        place_link(
-            j,
-            state.length[j],
-            state.bend[j, 0],
-            state.bend[j, 1],
-            ws.link,
-            ws.column,
-            ws.half_column,
-            state.position,
-            state.frame,
-        )
-
-
-@njit
-def _update_chain(parameters: Parameters, state: State) -> int:
-    """Fit the links to the robot's length: all of one length but the last, which has 0.5 to 1.5 of it.
-
-    A link that is split or lengthened keeps its curvature, so growth moves no section that exists.
-    """
-    h = parameters.numerics.section_length
-    total = max(state.scalar[Scalar.EVERTED_LENGTH], state.scalar[Scalar.CATHETER_LENGTH])
-    old = state.links[0]
-    new = min(max(math.floor(total / h - 0.5) + 1, 1), state.length.shape[0])
-    last = old - 1
-    kx = state.bend[last, 0] / state.length[last]
-    ky = state.bend[last, 1] / state.length[last]
-    if new < old:
-        kx = state.bend[new - 1, 0] / state.length[new - 1]
-        ky = state.bend[new - 1, 1] / state.length[new - 1]
-    for j in range(min(old, new) - 1, new):
-        length = h if j < new - 1 else total - h * (new - 1)
-        state.length[j] = length
-        state.bend[j, 0] = kx * length
-        state.bend[j, 1] = ky * length
-        if j >= old:
-            # The new tip takes over what the old one felt.
-            state.roll[j + 1] = state.roll[j]
-            state.friction_limit[j + 1] = state.friction_limit[j]
-            state.depth[j + 1] = state.depth[j]
-            for a in range(3):
-                state.contact_force[j + 1, a] = state.contact_force[j, a]
-                state.velocity[j + 1, a] = 0.0
-    state.links[0] = new
-    return int(old)
-
-
-@njit
-def _update_covers(parameters: Parameters, state: State, ws: Workspace) -> None:
-    """Overwrite which body covers how much of each link, and the nodes' masses, contact radii and contact lengths."""
-    robot = parameters.robot
-    n = state.links[0]
-    everted = state.scalar[Scalar.EVERTED_LENGTH] if robot.has_sheath else 0.0
-    inserted = state.scalar[Scalar.CATHETER_LENGTH] if robot.has_catheter else 0.0
-    uncut = max(inserted - robot.flexible_length, 0.0)
-    start = 0.0
-    for i in range(n + 1):
-        ws.mass[i] = 0.0
-        ws.tributary[i] = 0.0
-    for j in range(n):
-        length = state.length[j]
-        end = start + length
-        sheath = min(max(everted - start, 0.0), length)
-        catheter = min(max(inserted - start, 0.0), length)
-        proximal = min(max(uncut - start, 0.0), length)
-        ws.cover[j, 0] = sheath
-        ws.cover[j, 1] = catheter - proximal
-        ws.cover[j, 2] = proximal
-        both = min(sheath, catheter)
-        mass = robot.sheath_mass * sheath + robot.inner_mass * both + robot.catheter_mass * (catheter - both)
-        # Shares of the ends, so that the first moment of a partly covered link is right to the link's middle.
-        ws.mass[j] += 0.5 * mass
-        ws.mass[j + 1] += 0.5 * mass
-        ws.tributary[j] += 0.5 * length
-        ws.tributary[j + 1] += 0.5 * length
-        ws.contact_radius[j + 1] = robot.sheath_radius if everted >= end - 1e-9 else robot.catheter_radius
-        start = end
-    # The rounded end bears on its own cross-section as well.
-    ws.tributary[n] += ws.contact_radius[n]
-
-
-@njit
 def _prepare(parameters: Parameters, state: State, command: Array, ws: Workspace, old: int, dt: float) -> None:
     """Overwrite what the step holds constant: where each node was, is predicted, and would be without sliding."""
     n = state.links[0]
-    everted = state.scalar[Scalar.EVERTED_LENGTH] if parameters.robot.has_sheath else 0.0
+    everted = state.scalar[Scalar.WALL_LENGTH] if parameters.robot.has_sheath else 0.0
     kept = min(old, n) - 1
     # Nodes before the last link lie where they lay; the others, where growth along the old shape puts them.
     for i in range(n + 1):
         for a in range(3):
             ws.reference[i, a] = state.position[i, a]
-    _place_chain(parameters, state, ws)
+    place_chain(parameters, state, ws)
     start = 0.0
     for i in range(n + 1):
         if i > 0:
@@ -192,15 +107,46 @@ def _record(state: State, ws: Workspace, dt: float) -> None:
 
 
 @njit
+def compute_supply(parameters: Parameters, set_point: float, time: float) -> float:
+    """Return the pressure [Pa] that the supply drives at for a ``set_point`` [Pa] at ``time`` [s]."""
+    effects = parameters.effects
+    if effects.pressure_bias.bias != 0.0:
+        set_point = max(set_point - effects.pressure_bias.bias, 0.0)
+    set_point += compute_ripple(effects.pressure_ripple, time, set_point)
+    return set_point * (1.0 - effects.pressure_leak.share)
+
+
+@njit
+def _prepare_tendon(parameters: Parameters, state: State, ws: Workspace) -> None:
+    """Overwrite the exponent of the tendon's friction: its coefficient times the bend of the step's start."""
+    ws.rubbing[0] = 0.0
+    if parameters.effects.tendon_friction.mu > 0.0:
+        angle = 0.0
+        for j in range(state.links[0]):
+            share = ws.cover[j, 1] / state.length[j]
+            angle += share * math.sqrt(state.bend[j, 0] ** 2 + state.bend[j, 1] ** 2)
+        ws.rubbing[0] = parameters.effects.tendon_friction.mu * angle
+    for a in range(3):
+        ws.tip_axis[a] = state.frame[state.links[0], a, 2]
+
+
+@njit
 def _substep(parameters: Parameters, state: State, command: Array, ws: Workspace, dt: float) -> int:
     """Advance by one implicit step and return the solver's status."""
     scalar = state.scalar
     effects = parameters.effects
     # 1. pressure
-    set_point = command[4] if scalar[Scalar.BURST] == 0.0 else 0.0
-    scalar[Scalar.PRESSURE] = compute_lagged_pressure(effects.pressure_lag, scalar[Scalar.PRESSURE], set_point, dt)
+    set_point = 0.0
+    if scalar[Scalar.BURST] == 0.0:
+        set_point = compute_supply(parameters, command[4], scalar[Scalar.TIME] + dt)
+    scalar[Scalar.SUPPLY_PRESSURE] = compute_lagged_pressure(
+        effects.pressure_lag, scalar[Scalar.SUPPLY_PRESSURE], set_point, dt
+    )
+    scalar[Scalar.PRESSURE] = scalar[Scalar.SUPPLY_PRESSURE] - scalar[Scalar.DROOP]
     if has_burst(effects.burst_limit, scalar[Scalar.PRESSURE]):
         scalar[Scalar.BURST] = 1.0
+        scalar[Scalar.SUPPLY_PRESSURE] = 0.0
+        scalar[Scalar.DROOP] = 0.0
         scalar[Scalar.PRESSURE] = 0.0
     # 2. tendon
     scalar[Scalar.DRIVE_PULL] = command[3]
@@ -210,18 +156,20 @@ def _substep(parameters: Parameters, state: State, command: Array, ws: Workspace
     # 3. eversion
     update_eversion(parameters, state, command, ws, dt)
     # 4. chain
-    old = _update_chain(parameters, state)
-    _update_covers(parameters, state, ws)
+    old = update_chain(parameters, state)
+    update_covers(parameters, state, ws)
     _prepare(parameters, state, command, ws, old, dt)
     turned = command[2] - scalar[Scalar.ROLL]
     scalar[Scalar.ROLL] = command[2]
     n = state.links[0]
     for i in range(n + 1):
         state.roll[i] += turned
+    _prepare_tendon(parameters, state, ws)
     # 5. equilibrium
     status = solve_equilibrium(parameters, state, command, ws, dt)
     # 6. records
     _record(state, ws, dt)
+    update_histories(parameters, state, ws, dt)
     scalar[Scalar.TIME] += dt
     scalar[Scalar.SUBSTEPS] += 1.0
     return status
@@ -240,6 +188,9 @@ def _copy(source: State, target: State) -> None:
     target.contact_force[:] = source.contact_force
     target.friction_limit[:] = source.friction_limit
     target.depth[:] = source.depth
+    target.roll_anchor[:] = source.roll_anchor
+    target.crept[:] = source.crept
+    target.shear[:] = source.shear
 
 
 @njit
@@ -303,8 +254,8 @@ def settle(parameters: Parameters, state: State, command: Array, ws: Workspace, 
     scalar = state.scalar
     state.links[0] = 1
     state.length[0] = max(scalar[Scalar.EVERTED_LENGTH], scalar[Scalar.CATHETER_LENGTH])
-    _update_chain(parameters, state)
-    _place_chain(parameters, state, ws)
+    update_chain(parameters, state)
+    place_chain(parameters, state, ws)
     for j in range(min(state.links[0], tangent.shape[0] - 1)):
         # Bend about the axis that turns this section's tangent into the next one's.
         for a in range(2):
@@ -313,17 +264,23 @@ def settle(parameters: Parameters, state: State, command: Array, ws: Workspace, 
             for c in range(3):
                 across += state.frame[j, c, b] * tangent[j + 1, c]
             state.bend[j, a] = math.asin(min(max(across, -1.0), 1.0)) * (-1.0 if a == 0 else 1.0)
-        _place_chain(parameters, state, ws)
+        place_chain(parameters, state, ws)
     for i in range(state.links[0] + 1):
         state.roll[i] = scalar[Scalar.ROLL]
+        if i < state.links[0]:
+            state.roll_anchor[i] = scalar[Scalar.ROLL]
     scalar[Scalar.DRIVE_PULL] = command[3]
-    scalar[Scalar.TRANSMITTED_PULL] = compute_transmitted_pull(parameters.effects.tendon_backlash, command[3], 0.0)
+    scalar[Scalar.TRANSMITTED_PULL] = compute_transmitted_pull(
+        parameters.effects.tendon_backlash, command[3], -math.inf
+    )
     status = 0
     for _ in range(3):
-        _update_covers(parameters, state, ws)
+        update_covers(parameters, state, ws)
         _prepare(parameters, state, command, ws, state.links[0] + 1, 1.0)
+        _prepare_tendon(parameters, state, ws)
         status = solve_equilibrium(parameters, state, command, ws, 1.0)
         _record(state, ws, 1.0)
+        update_histories(parameters, state, ws, 0.0)
         state.velocity[:] = 0.0
         if status != 0:
             break

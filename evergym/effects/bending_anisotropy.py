@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 
 __all__ = ["BendingAnisotropy"]
 
@@ -15,5 +17,16 @@ class BendingAnisotropy:
 
     The ratio is the robot's ``catheter_anisotropy``; the soft plane holds the tendon.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=15,
+        acts_on="lattice",
+        moves=("tip_x_mm", "tip_y_mm"),
+        depends_on=("orientation",),
+        partners=("torsional_windup",),
+        off={"enabled": False},
+        strength=("enabled",),
+        typical={"enabled": True},
+    )
 
     enabled: bool = parameter(True, source="the paper's Fig. 6: loads across the bend plane give almost no curvature")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 from evergym.units import KPA
 
@@ -21,6 +22,17 @@ class BurstLimitParameters(NamedTuple):
 @dataclass(frozen=True)
 class BurstLimit:
     """The sheath bursts, for good, once its pressure passes the limit. Off at zero."""
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=9,
+        acts_on="state",
+        moves=("pressure_measured_kpa", "everted_length_mm"),
+        depends_on=("pressure", "history"),
+        partners=("pressure_leak",),
+        off={"pressure_kpa": 0.0},
+        strength=("pressure_kpa",),
+        typical={"pressure_kpa": 45.0},
+    )
 
     pressure_kpa: float = parameter(
         60.0,

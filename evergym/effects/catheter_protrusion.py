@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 
 __all__ = ["CatheterProtrusion"]
 
@@ -15,5 +17,16 @@ class CatheterProtrusion:
 
     With it the tip is the further of the sheath's and the catheter's, as in the duty cycle of the real robot.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=27,
+        acts_on="lattice",
+        moves=("tip_z_mm", "curvature_1_per_m"),
+        depends_on=("length",),
+        partners=("feed_limit",),
+        off={"enabled": False},
+        strength=("enabled",),
+        typical={"enabled": True},
+    )
 
     enabled: bool = parameter(True, source="the paper: after much growth the catheter protrudes beyond the sheath")

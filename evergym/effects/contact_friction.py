@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 
 __all__ = ["ContactFriction", "ContactFrictionParameters"]
 
@@ -25,6 +26,17 @@ class ContactFriction:
 
     Regularised: the force reaches mu N within a small sliding speed, so that it is the gradient of a convex potential.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=24,
+        acts_on="state",
+        moves=("tip_x_mm", "tip_y_mm", "tip_z_mm"),
+        depends_on=("history",),
+        partners=("duct_compliance",),
+        off={"mu_tissue": 0.0, "mu_peg": 0.0},
+        strength=("mu_tissue", "mu_peg"),
+        typical={"mu_tissue": 0.2, "mu_peg": 0.3},
+    )
 
     mu_tissue: float = parameter(
         0.05,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 from evergym.units import KPA, MM
 
@@ -29,6 +30,17 @@ class DuctCompliance:
     A wall that nothing indents is the limit of a small compliance; at exactly zero compliance the wall is as rigid as
     a peg. The damping acts while the wall is pressed in, and never pulls.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=25,
+        acts_on="state",
+        moves=("tip_x_mm", "tip_y_mm", "curvature_1_per_m"),
+        depends_on=("pressure",),
+        partners=("contact_friction",),
+        off={"compliance_1_per_kpa": 0.0},
+        strength=("compliance_1_per_kpa",),
+        typical={"compliance_1_per_kpa": 0.1},
+    )
 
     compliance_1_per_kpa: float = parameter(
         1.0 / 30.0,

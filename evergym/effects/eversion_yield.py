@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 from evergym.units import KPA
 
@@ -25,6 +26,17 @@ class EversionYield:
 
     Off at zero. Source: Blumenschein et al. 2017 (Living Machines) for the form.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=1,
+        acts_on="state",
+        moves=("everted_length_mm", "growth_speed_mm_s"),
+        depends_on=("pressure", "history"),
+        partners=("pressure_bias", "pressure_droop", "tail_coulomb_friction"),
+        off={"static_kpa": 0.0, "kinetic_kpa": 0.0},
+        strength=("static_kpa", "kinetic_kpa"),
+        typical={"static_kpa": 13.7, "kinetic_kpa": 9.9},
+    )
 
     static_kpa: float = parameter(
         13.7,

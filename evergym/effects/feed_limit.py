@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 
 __all__ = ["FeedLimit", "FeedLimitParameters", "compute_taut_speed"]
@@ -26,6 +27,17 @@ class FeedLimit:
     from later at the pressure's pace, as in the duty cycle. Off at zero slip: v = min(v_pressure, V / 2). Which drive
     the paper's feed speed names is not stated; the slip stands for that as well.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=3,
+        acts_on="state",
+        moves=("growth_speed_mm_s", "everted_length_mm"),
+        depends_on=("rate",),
+        partners=("viscous_eversion",),
+        off={"slip": 0.0},
+        strength=("slip",),
+        typical={"slip": 0.5},
+    )
 
     slip: float = parameter(
         0.492, unit="1", low=0.0, high=0.95, source="eta = 0.254: exponential growth law fitted to the paper's Fig. 8"

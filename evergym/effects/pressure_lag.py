@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 
 __all__ = ["PressureLag", "PressureLagParameters", "compute_lagged_pressure"]
@@ -21,6 +22,17 @@ class PressureLagParameters(NamedTuple):
 @dataclass(frozen=True)
 class PressureLag:
     """dp/dt = (set point - p) / time. Off at zero time."""
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=22,
+        acts_on="state",
+        moves=("growth_speed_mm_s", "everted_length_mm", "pressure_measured_kpa"),
+        depends_on=("rate", "pressure"),
+        partners=("wall_compliance", "pressure_droop", "pressure_ripple"),
+        off={"time_s": 0.0},
+        strength=("time_s",),
+        typical={"time_s": 1.0},
+    )
 
     time_s: float = parameter(
         0.15,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 from evergym.units import KPA
 
@@ -33,6 +34,17 @@ class RetractionBuckling:
     The limit is Fichter's column k (pA + G pi R t) / (k + pA + G pi R t), k the Euler load of the unsupported length.
     Off at length factor zero: pulling always inverts. Source: Fichter 1966 (NASA TN D-3466); Coad et al. 2020.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=28,
+        acts_on="state",
+        moves=("everted_length_mm", "tip_x_mm", "tip_y_mm"),
+        depends_on=("pressure", "length"),
+        partners=("axial_buckling",),
+        off={"length_factor": 0.0},
+        strength=("length_factor",),
+        typical={"length_factor": 2.0},
+    )
 
     inversion_yield_kpa: float = parameter(
         9.9, unit="kPa", low=0.0, high=1000.0, prior=True, source="taken equal to the kinetic yield of eversion"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 
 __all__ = ["RootKink", "RootKinkParameters", "compute_kink_moment"]
@@ -27,6 +28,17 @@ class RootKink:
     are zero.
     Source: the paper's Fig. 9, M_0 = 1.20e-4 +- 0.10e-4 N m and c = 0.305 +- 0.028 from its five points.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=9,
+        acts_on="lattice",
+        moves=("tip_y_mm", "bending_angle_deg"),
+        depends_on=("pressure", "length", "history"),
+        partners=("wall_wrinkling", "wall_creep"),
+        off={"moment_n_m": 0.0, "pressure_share": 0.0},
+        strength=("moment_n_m", "pressure_share"),
+        typical={"moment_n_m": 0.00012, "pressure_share": 0.305},
+    )
 
     moment_n_m: float = parameter(
         0.0, unit="N m", low=0.0, high=1.0, source="Fig. 9: 1.20e-4; off in the default model"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 
 __all__ = ["SalineWeight", "SalineWeightParameters"]
 
@@ -22,6 +23,17 @@ class SalineWeight:
 
     Source: the paper's saline-filled sheath; 0.072 N/m (sheath), 0.074 N/m (full system) from its dimensions.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=18,
+        acts_on="state",
+        moves=("tip_y_mm", "bending_angle_deg"),
+        depends_on=("orientation", "length"),
+        partners=("wall_pretension", "pre_curvature"),
+        off={"share": 0.0},
+        strength=("share",),
+        typical={"share": 1.0},
+    )
 
     share: float = parameter(1.0, unit="1", low=0.0, high=2.0, source="all of it")
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 
 __all__ = ["TailCapstanFriction", "TailCapstanFrictionParameters", "compute_capstan_factor"]
@@ -25,6 +26,17 @@ class TailCapstanFriction:
 
     Source: Blumenschein et al. 2017 (Living Machines).
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=6,
+        acts_on="state",
+        moves=("everted_length_mm", "growth_speed_mm_s"),
+        depends_on=("orientation", "length"),
+        partners=("tail_coulomb_friction", "viscous_eversion"),
+        off={"mu": 0.0},
+        strength=("mu",),
+        typical={"mu": 0.3},
+    )
 
     mu: float = parameter(
         0.05,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 
 __all__ = ["TailCatheterFriction", "TailCatheterFrictionParameters", "compute_squeeze_loss"]
@@ -23,6 +24,17 @@ class TailCatheterFriction:
 
     Source: law as in the simulation of the 2021 robot (mu = 0.01 coded there); range 0.005 to 0.1.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=5,
+        acts_on="state",
+        moves=("everted_length_mm", "growth_speed_mm_s"),
+        depends_on=("pressure", "length"),
+        partners=("tail_coulomb_friction", "tail_capstan_friction"),
+        off={"mu": 0.0},
+        strength=("mu",),
+        typical={"mu": 0.01},
+    )
 
     mu: float = parameter(
         0.005,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 from evergym.units import KPA, MM
 
@@ -33,6 +34,17 @@ class TailCoulombFriction:
     pressure-proportional law fit Fig. 8 as well and are kept as model files. The exponential law keeps the observed
     threshold.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=4,
+        acts_on="state",
+        moves=("everted_length_mm", "growth_speed_mm_s"),
+        depends_on=("pressure", "rate", "length", "history"),
+        partners=("tail_catheter_friction", "tail_capstan_friction", "eversion_yield"),
+        off={"gradient_kpa_per_mm": 0.0, "pressure_gradient_per_mm": 0.0, "yield_growth_per_mm": 0.0},
+        strength=("gradient_kpa_per_mm",),
+        typical={"gradient_kpa_per_mm": 0.5},
+    )
 
     gradient_kpa_per_mm: float = parameter(
         0.0, unit="kPa/mm", low=0.0, high=10.0, source="constant law: 0.64 +- 0.06 at V1 (with no yield)"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 from evergym.units import MM
 
@@ -23,8 +24,21 @@ class TendonBacklashParameters(NamedTuple):
 class TendonBacklash:
     """A play operator of width b between drive and tendon, after a fixed lost motion in the assembled robot.
 
+    Until both are taken up the tendon is slack, also where a load bends the catheter away from its side.
+
     Off when both are zero. Source: the paper's Figs. 7 and 10 (see the parameters).
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=12,
+        acts_on="state",
+        moves=("curvature_1_per_m", "tip_x_mm", "tip_angle_deg"),
+        depends_on=("history",),
+        partners=("tendon_friction", "tendon_stretch", "clearance_play"),
+        off={"backlash_mm": 0.0, "lost_motion_mm": 0.0},
+        strength=("backlash_mm",),
+        typical={"backlash_mm": 0.5},
+    )
 
     backlash_mm: float = parameter(0.363, unit="mm", low=0.0, high=10.0, source="0.363 +- 0.02, the paper's Fig. 7")
     lost_motion_mm: float = parameter(
@@ -38,8 +52,11 @@ class TendonBacklash:
 
 @njit
 def compute_transmitted_pull(parameters: TendonBacklashParameters, drive_pull: float, transmitted: float) -> float:
-    """Return the pull [m] that reaches the tendon, from the drive's pull and the pull transmitted before (both [m])."""
+    """Return the pull [m] that reaches the tendon, from the drive's pull and the pull transmitted before (both [m]).
+
+    Negative: the tendon is slack by that much on a straight catheter.
+    """
     if parameters.backlash == 0.0 and parameters.lost_motion == 0.0:
         return drive_pull
-    drive = max(drive_pull - parameters.lost_motion, 0.0)
+    drive = drive_pull - parameters.lost_motion
     return max(min(transmitted, drive), drive - parameters.backlash)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 from evergym.jit import njit
 from evergym.units import KPA, MM
 
@@ -25,6 +26,17 @@ class ViscousEversion:
 
     Source: Blumenschein et al. 2017 (Living Machines); with mobility phi = 1 / resistance.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=2,
+        acts_on="state",
+        moves=("growth_speed_mm_s", "everted_length_mm"),
+        depends_on=("pressure", "rate"),
+        partners=("pressure_droop", "feed_limit"),
+        off={"resistance_kpa_s_mm": 0.0},
+        strength=("resistance_kpa_s_mm",),
+        typical={"resistance_kpa_s_mm": 2.4},
+    )
 
     resistance_kpa_s_mm: float = parameter(
         1.0 / 0.41,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from evergym.config import parameter
+from evergym.effects.information import EffectInfo
 
 __all__ = ["WallWrinkling", "compute_collapse_curve"]
 
@@ -17,6 +19,17 @@ class WallWrinkling:
     With tension-only fibres the law of Comer and Levy emerges: linear up to pi p R^3 / 2, collapse at pi p R^3.
     Source: Comer & Levy 1963, AIAA J 1:1652.
     """
+
+    info: ClassVar[EffectInfo] = EffectInfo(
+        row=7,
+        acts_on="lattice",
+        moves=("curvature_1_per_m", "tip_x_mm", "tip_y_mm"),
+        depends_on=("pressure",),
+        partners=("root_kink", "wall_creep"),
+        off={"enabled": False},
+        strength=("enabled",),
+        typical={"enabled": True},
+    )
 
     enabled: bool = parameter(True, source="a film of 35 um buckles at once")
 
