@@ -1,0 +1,78 @@
+"""The robot of a dataset: the model with the rig's own dimensions, and a discretisation to match."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Mapping
+
+from evergym.config import build, to_mapping
+from evergym.discrepancy.dataset import Dataset
+from evergym.model import Model, Numerics, check_model
+from evergym.robot import RobotConfig
+from evergym.units import MM, UM
+
+__all__ = ["Fidelity", "apply_robot", "choose_numerics", "override_robot"]
+
+
+class Fidelity(enum.Enum):
+    """How finely to simulate."""
+
+    FAST = "fast"
+    """For fits: coarse sections and long steps."""
+    STANDARD = "standard"
+    """As the simulator's defaults."""
+    FINE = "fine"
+    """To tell numerics from physics."""
+
+
+def apply_robot(model: Model, dataset: Dataset) -> Model:
+    """Return the model with the dataset's ``[robot]`` overrides.
+
+    Raises:
+        ConfigError: an unknown key (the nearest is named), or a value that is impossible.
+    """
+    where = f"{dataset.path / 'dataset.toml'} [robot]"
+    robot = override_robot(model.robot, dataset.robot, where, {run.setup for run in dataset.runs})
+    return check_model(dataclasses.replace(model, robot=robot), where)
+
+
+def override_robot(robot: RobotConfig, overrides: Mapping[str, float], where: str, setups: set[str]) -> RobotConfig:
+    """Return ``robot`` with some of its keys replaced.
+
+    A part that no run has (the sheath, or the catheter) is made to fit around or into the part that they have, unless
+    the overrides give its size: a model file must hold a robot that can be assembled.
+
+    Args:
+        robot: The model's.
+        overrides: Keys of ``[robot]`` and their values.
+        where: Start of every message.
+        setups: Of the runs.
+
+    Raises:
+        ConfigError: an unknown key (the nearest is named), or a value that is impossible.
+    """
+    changed = build(RobotConfig, {**to_mapping(robot), **overrides}, where)
+    inner = changed.sheath_outer_diameter_mm - 2.0 * changed.sheath_wall_um * UM / MM
+    if changed.catheter_outer_diameter_mm < inner or "full" in setups:
+        return changed
+    if setups == {"catheter"} and "sheath_outer_diameter_mm" not in overrides:
+        gap = robot.sheath_outer_diameter_mm / robot.catheter_outer_diameter_mm
+        wide = gap * changed.catheter_outer_diameter_mm + 2.0 * changed.sheath_wall_um * UM / MM
+        return dataclasses.replace(changed, sheath_outer_diameter_mm=wide)
+    if setups == {"sheath"} and not {"catheter_outer_diameter_mm", "catheter_inner_diameter_mm"} & set(overrides):
+        share = inner / changed.sheath_outer_diameter_mm * robot.catheter_outer_diameter_mm
+        share /= robot.sheath_outer_diameter_mm
+        thin = share * changed.sheath_outer_diameter_mm
+        bore = thin * robot.catheter_inner_diameter_mm / robot.catheter_outer_diameter_mm
+        return dataclasses.replace(changed, catheter_outer_diameter_mm=thin, catheter_inner_diameter_mm=bore)
+    return changed
+
+
+def choose_numerics(model: Model, setup: str, fidelity: Fidelity = Fidelity.STANDARD) -> Numerics:
+    """Return a discretisation in proportion to the robot."""
+    robot = model.robot
+    length = robot.catheter_length_mm if setup == "catheter" else 0.5 * robot.sheath_material_length_mm
+    sections = {Fidelity.FAST: 24, Fidelity.STANDARD: 48, Fidelity.FINE: 96}[fidelity]
+    step = {Fidelity.FAST: 0.25, Fidelity.STANDARD: 0.125, Fidelity.FINE: 0.03125}[fidelity]
+    return Numerics(section_length_mm=min(max(length / sections, 0.05), 50.0), step_s=step)
