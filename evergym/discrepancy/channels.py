@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.columns import CHANNELS
-from evergym.simulator import Simulator
+from evergym.simulator import Reading, Simulator
 from evergym.units import DEG, KPA, MM
 
-__all__ = ["measure_angle", "read_channels", "read_pressure_bias"]
+__all__ = ["convert_reading", "measure_angle", "read_channels", "read_pressure_bias"]
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,11 @@ def read_channels(simulator: Simulator, signed: bool = False) -> Array:
     The sensor effects act here: `pressure_bias` shifts the gauge, `angle_quantisation` rounds the angles (and with them
     the curvature, which is read as an angle).
     """
-    reading = simulator.reading
+    return convert_reading(simulator, simulator.reading, signed)
+
+
+def convert_reading(simulator: Simulator, reading: Reading, signed: bool = False) -> Array:
+    """Return what the instruments read at ``reading``, which is the simulator's present one; see `read_channels`."""
     state = simulator.state
     free_length = float(state.length[: int(state.links[0])].sum())
     tip_angle = measure_angle(reading.tip_direction, signed)

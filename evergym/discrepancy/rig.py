@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import math
 from collections.abc import Mapping
 
 from evergym.config import build, to_mapping
 from evergym.discrepancy.dataset import Dataset
 from evergym.model import Model, Numerics, check_model
 from evergym.robot import RobotConfig
-from evergym.units import MM, UM
+from evergym.units import KPA, MM, UM
 
 __all__ = ["Fidelity", "apply_robot", "choose_numerics", "override_robot"]
 
@@ -19,9 +20,9 @@ class Fidelity(enum.Enum):
     """How finely to simulate."""
 
     FAST = "fast"
-    """For fits: coarse sections and long steps."""
+    """For fits: within 0.03 mm rms of the finest in free space, see docs/design/discrepancy_data.md."""
     STANDARD = "standard"
-    """As the simulator's defaults."""
+    """Half the step, and a third more sections."""
     FINE = "fine"
     """To tell numerics from physics."""
 
@@ -69,10 +70,27 @@ def override_robot(robot: RobotConfig, overrides: Mapping[str, float], where: st
     return changed
 
 
-def choose_numerics(model: Model, setup: str, fidelity: Fidelity = Fidelity.STANDARD) -> Numerics:
-    """Return a discretisation in proportion to the robot."""
+def choose_numerics(model: Model, setup: str, fidelity: Fidelity = Fidelity.FAST) -> Numerics:
+    """Return a discretisation in proportion to the robot: sections to its length, the tolerance to its energy.
+
+    A sheath alone hangs from a kink at its root, which is spread over one section: it gets twice as many.
+    """
     robot = model.robot
     length = robot.catheter_length_mm if setup == "catheter" else 0.5 * robot.sheath_material_length_mm
-    sections = {Fidelity.FAST: 24, Fidelity.STANDARD: 48, Fidelity.FINE: 96}[fidelity]
-    step = {Fidelity.FAST: 0.25, Fidelity.STANDARD: 0.125, Fidelity.FINE: 0.03125}[fidelity]
-    return Numerics(section_length_mm=min(max(length / sections, 0.05), 50.0), step_s=step)
+    count, step_s = _DISCRETISATION[fidelity]
+    sections = 2 * count if setup == "sheath" else count
+    stiffness = 0.0 if setup == "sheath" else robot.catheter_bending_stiffness_n_m2 / (length * MM)
+    area = 0.25 * math.pi * (robot.sheath_outer_diameter_mm * MM) ** 2
+    thrust = 0.0 if setup == "catheter" else robot.pressure_max_kpa * KPA * area * length * MM
+    tolerance = _TOLERANCE_SHARE * (stiffness + thrust)
+    return Numerics(
+        section_length_mm=min(max(length / sections, 0.05), 50.0),
+        step_s=step_s,
+        energy_tolerance_j=min(max(tolerance, 1e-14), 1e-4),
+    )
+
+
+_DISCRETISATION = {Fidelity.FAST: (36, 0.125), Fidelity.STANDARD: (48, 0.0625), Fidelity.FINE: (96, 1.0 / 64.0)}
+"""Sections and step [s]."""
+_TOLERANCE_SHARE = 2e-9
+"""Of the robot's energy (one radian of bend over its length, pressure times volume); 1e-10 J for the default robot."""

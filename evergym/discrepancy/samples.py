@@ -109,7 +109,7 @@ def _read_csv(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
             if len(stripped) != len(header):
                 raise ConfigError(
                     f"{path}, row {reader.line_num}: {len(stripped)} cells, but the header names {len(header)} "
-                    "columns. Separate cells by commas and write decimals with a point; leave a cell empty rather than out."
+                    "columns. Separate cells by commas, write decimals with a point, and leave no cell out."
                 )
             rows.append(stripped)
             numbers.append(reader.line_num)
