@@ -145,7 +145,7 @@ def _used_commands(runs: Sequence[Run]) -> list[str]:
 
 
 def _is_zero(values: Array) -> NDArray[np.bool_]:
-    return values == 0.0
+    return np.equal(values, 0.0)
 
 
 def _table(run: Run, columns: Sequence[str]) -> Array:

@@ -100,14 +100,15 @@ def _make_fig7() -> Iterable[Run]:
 
 
 def _make_fig8() -> Iterable[Run]:
-    for (label, pressure), rows in read_table("fig8a").groupby(["feed_label", "pressure_kpa_abs"]):
+    for _, rows in read_table("fig8a").groupby(["feed_label", "pressure_kpa_abs"]):
+        label, pressure = str(rows.feed_label.iloc[0]).lower(), int(rows.pressure_kpa_abs.iloc[0])
         time = rows.time_s.to_numpy(dtype=np.float64)
         commands = _rest(len(time))
         commands[:, COMMANDS.index("tail_feed_mm_s")] = rows.feed_mm_s
         commands[:, COMMANDS.index("pressure_kpa")] = _to_gauge(pressure)
         measured = np.full((len(time), len(CHANNELS)), np.nan)
         measured[1:, CHANNELS.index("everted_length_mm")] = rows.length_mm[1:]
-        name = f"fig8-{str(label).lower()}-{pressure}"
+        name = f"fig8-{label}-{pressure}"
         yield _make_run(name, "fig8", "sheath", (0.0, -GRAVITY, 0.0), SHORTEST_SHEATH_MM, time, commands, measured)
 
 
@@ -128,7 +129,8 @@ def _make_fig10() -> Iterable[Run]:
 
 
 def _make_fig11() -> Iterable[Run]:
-    for (panel, load), rows in read_table("fig11").groupby(["panel", "load_g"]):
+    for _, rows in read_table("fig11").groupby(["panel", "load_g"]):
+        panel, load = rows.panel.iloc[0], int(rows.load_g.iloc[0])
         sign = 1.0 if rows.load_direction.iloc[0] == "toward" else -1.0
         points = [
             {

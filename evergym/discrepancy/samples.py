@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import math
 from collections.abc import Sequence
@@ -132,15 +131,10 @@ def _check_separator(path: Path, line: int, header: Sequence[str]) -> None:
 def _read_parquet(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
     import pandas
 
-    if importlib.util.find_spec("pyarrow") is None and importlib.util.find_spec("fastparquet") is None:
-        raise ConfigError(
-            f"{path} is a Parquet file, and reading it needs the package pyarrow, which is not installed. Install "
-            "pyarrow, or save the table as samples.csv."
-        )
     try:
         frame = pandas.read_parquet(path)
     except Exception as error:  # noqa: BLE001  (every engine has its own kinds)
-        raise ConfigError(f"{path} cannot be read as Parquet: {error}.") from None
+        raise ConfigError(f"{path} cannot be read as Parquet: {error}. Write it again, or use samples.csv.") from None
     header = [str(name).strip() for name in frame.columns]
     missing = frame.isna().to_numpy()
     rows = [

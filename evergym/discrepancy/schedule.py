@@ -89,9 +89,9 @@ def plan_steps(run: Run, step_s: float) -> list[Step]:
 
 
 def _join(time: Array, commands: Array, first: int, last: int) -> Array:
+    command: Array = commands[last - 1].copy()
     if last == first + 1:
-        return commands[first]
-    command = commands[last - 1].copy()
+        return command
     weight = np.diff(time[first : last + 1])
     command[RATES] = weight @ commands[first:last][:, RATES] / weight.sum()
     return command
