@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evergym.discrepancy.channels import convert_reading, read_pressure_bias
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.rig import choose_numerics
+from evergym.discrepancy.rig import choose_numerics, refine_for_contact
 from evergym.discrepancy.schedule import REST_FACTOR, Step, plan_steps
 from evergym.discrepancy.surroundings import open_world
 from evergym.errors import SimulationDiverged
@@ -47,7 +47,8 @@ def simulate_run(model: Model, run: Run, numerics: Numerics | None = None, hooks
     Args:
         model: Robot and effects, with the dataset's overrides (`evergym.discrepancy.rig.apply_robot`).
         run: Setup, surroundings, start, times and commands.
-        numerics: Discretisation; None: `evergym.discrepancy.rig.choose_numerics` for this model and run.
+        numerics: Discretisation; None: `evergym.discrepancy.rig.choose_numerics` for this model and run. Among pegs and
+            in ducts it is refined as contact needs.
         hooks: Effects of the user's own, applied in order.
     """
     return try_simulate_run(model, run, numerics, hooks).channels
@@ -81,6 +82,8 @@ def make_command(row: Array, pressure_bias: float = 0.0) -> Command:
 
 def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Sequence[Hook]) -> None:
     """Overwrite ``channels`` row by row, so that those before a failure stand."""
+    if run.environment != "free":
+        numerics = refine_for_contact(model, numerics)
     simulator = Simulator(fit_damping(model, run, numerics.step_s), open_world(run), numerics, run.setup)
     bias = read_pressure_bias(simulator)
     first = make_command(run.commands[0], bias)
