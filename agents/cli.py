@@ -32,6 +32,7 @@ COMMANDS = {
     "rollout": CommandEntry("evergym.agents.rollout", "Rollout", "run one episode and show it"),
     "tune": CommandEntry("evergym.agents.tuning", "Tune", "tune the duty cycle on training anatomies"),
     "bench": CommandEntry("evergym.agents.bench", "Bench", "measure the simulator's speed and accuracy"),
+    "scenario": CommandEntry("evergym.agents.scenarios", "Scenario", "run the deployments of the paper's Fig. 12"),
     "soak": CommandEntry("evergym.agents.soak", "Soak", "run random and adversarial actions for a long time"),
     "dataset check": CommandEntry("evergym.discrepancy.commands", "DatasetCheck", "check measured runs"),
     "dataset show": CommandEntry("evergym.discrepancy.commands", "DatasetShow", "draw measured runs"),
