@@ -39,6 +39,7 @@ COMMANDS = {
     "dataset export-paper": CommandEntry(
         "evergym.discrepancy.commands", "DatasetExportPaper", "write the paper's figures as measured runs"
     ),
+    "diagnose": CommandEntry("evergym.agents.diagnose", "Diagnose", "find what a model lacks, from measured runs"),
     "duct make": CommandEntry("evergym.duct_models.commands", "DuctMake", "make ducts of a family, or from a mesh"),
     "duct check": CommandEntry("evergym.duct_models.commands", "DuctCheck", "check a mesh of your own"),
     "duct show": CommandEntry("evergym.duct_models.commands", "DuctShow", "draw a duct"),
