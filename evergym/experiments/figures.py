@@ -17,9 +17,10 @@ from evergym.experiments.comparison import Comparison, ExperimentResult
 from evergym.experiments.experiment import ErrorMeasure
 from evergym.experiments.paper import AMBIENT_PRESSURE
 from evergym.experiments.parameter_sets import Column
+from evergym.experiments.residuals import split_by_load
 from evergym.units import GRAM_FORCE, KPA, MM
 
-__all__ = ["FIGURES", "draw_figure"]
+__all__ = ["FIGURES", "draw_figure", "draw_load_parts"]
 
 
 class _Line(NamedTuple):
@@ -28,12 +29,15 @@ class _Line(NamedTuple):
     style: str
 
 
+_MEASURED = _Line("measured", "black", "o")
 _PAPER = _Line("the paper's simulator", "#adb5bd", "-")
 _LINES = {
     Column.FITTED: _Line("ours, fitted", "#0b7285", "-"),
     Column.PREDICTED: _Line("ours, predicted", "#d9480f", "--"),
     Column.LEFT_OUT: _Line("ours, left out", "#5f3dc4", ":"),
 }
+_LOAD_PAIRS = {"straight": ("fig11a", "fig11b"), "deflected": ("fig11c", "fig11d")}
+"""Panels of Fig. 11 with the load opposite and toward."""
 
 
 class _Axis(NamedTuple):
@@ -111,6 +115,48 @@ def draw_figure(name: str, comparison: Comparison) -> str | None:
     return _encode(figure)
 
 
+def draw_load_parts(comparison: Comparison) -> str | None:
+    """Draw the parts of Fig. 11 that change sign with the load and that do not, over the pressure.
+
+    Returns:
+        A data address; None where no pair of panels was run.
+    """
+    pairs = [(title, pair) for title, names in _LOAD_PAIRS.items() if (pair := _find_pair(comparison, *names))]
+    if not pairs:
+        return None
+    figure = Figure(figsize=(2.2 + 4.6 * len(pairs), 3.1), layout="constrained")
+    grid = figure.subplots(1, 2 * len(pairs), squeeze=False)[0]
+    for number, (title, (opposite, toward)) in enumerate(pairs):
+        lines = [(_MEASURED, opposite.experiment.measured, toward.experiment.measured)]
+        if opposite.experiment.paper_simulated is not None and toward.experiment.paper_simulated is not None:
+            lines.append((_PAPER, opposite.experiment.paper_simulated, toward.experiment.paper_simulated))
+        lines += [
+            (line, opposite.values[column], toward.values[column])
+            for column, line in _LINES.items()
+            if column in opposite.values and column in toward.values
+        ]
+        points = toward.experiment.points
+        for line, one, other in lines:
+            parts = split_by_load(one, other, points.pressure.to_numpy())
+            x = (parts.pressure + _PRESSURE.offset) / _PRESSURE.scale
+            for axes, values in zip(grid[2 * number : 2 * number + 2], (parts.odd, parts.even), strict=True):
+                _draw_line(axes, x, values, line)
+        for axes, part in zip(grid[2 * number : 2 * number + 2], ("changes sign with", "independent of"), strict=True):
+            axes.set_title(f"{title}, {part} the load", fontsize=8)
+            axes.set_xlabel(_PRESSURE.label)
+            axes.spines[["top", "right"]].set_visible(False)
+            axes.tick_params(labelsize=8)
+    grid[0].set_ylabel("curvature [1/m]")
+    handles, labels = _collect_legend(grid)
+    figure.legend(handles, labels, fontsize=8, ncols=5, loc="outside upper left", frameon=False)
+    return _encode(figure)
+
+
+def _find_pair(comparison: Comparison, opposite: str, toward: str) -> tuple[ExperimentResult, ExperimentResult] | None:
+    one, other = comparison.find(opposite), comparison.find(toward)
+    return None if one is None or other is None else (one, other)
+
+
 def _split(result: ExperimentResult, plan: _Plan) -> Iterator[_Panel]:
     points = result.experiment.points
     if result.experiment.measure is not ErrorMeasure.ABSOLUTE:
@@ -162,7 +208,7 @@ def _draw_panel(axes: Axes, panel: _Panel, axis: _Axis) -> None:
 
 
 def _draw_line(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], line: _Line) -> None:
-    axes.plot(x, y, line.style, color=line.colour, linewidth=1.6, label=line.label)
+    axes.plot(x, y, line.style, color=line.colour, linewidth=1.6, markersize=3.5, label=line.label)
 
 
 def _collect_legend(all_axes: Sequence[Axes]) -> tuple[list[Artist], list[str]]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from evergym.config import iterate_parameters, to_mapping
+from evergym.config import dump_toml, iterate_parameters, to_mapping
+from evergym.errors import ConfigError
 from evergym.model import MODEL_NAMES, Model
 
-__all__ = ["ParameterRecord", "describe_parameters", "read_model_text"]
+__all__ = ["ParameterRecord", "describe_parameters", "dump_model", "read_model_text"]
 
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _ENTRY = re.compile(r"\s*([A-Za-z0-9_]+)\s*=\s*(?:\"[^\"]*\"|[^#\"]*)#\s*(.*\S)")
@@ -62,6 +64,34 @@ def describe_parameters(model: Model, text: str = "") -> tuple[ParameterRecord, 
         uncertainty = float(spread.group(1)) if spread else None
         records.append(ParameterRecord(name, value, info.unit, uncertainty, provenance, value == default))
     return tuple(records)
+
+
+def dump_model(model: Model, provenance: Mapping[str, str]) -> str:
+    """Return the text of a model file with the provenance of its values behind them, as `describe_parameters` reads it.
+
+    Args:
+        model: The model.
+        provenance: Words by path of the key, such as "effects.root_kink.moment_n_m"; an uncertainty (one standard
+            deviation in the unit of the file) goes in as ``+- 0.05``.
+
+    Raises:
+        ConfigError: A key is unknown, or the words take more than a line.
+    """
+    known = {name for name, _, _ in iterate_parameters(Model)}
+    for name, words in provenance.items():
+        if name not in known:
+            raise ConfigError(f"There is no parameter {name!r} in a model: its provenance cannot be written.")
+        if "\n" in words:
+            raise ConfigError(f"The provenance of {name!r} has several lines; a comment has one.")
+    lines, table = [], ""
+    for line in dump_toml(model).splitlines():
+        key, _, _ = line.partition(" = ")
+        if header := _HEADER.match(line):
+            table = f"{header.group(1).strip()}."
+        elif words := provenance.get(f"{table}{key}", ""):
+            line = f"{line}  # {words}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
 
 
 def read_model_text(name_or_path: str) -> str:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from evergym.experiments.bars import BARS, find_bar
 from evergym.experiments.comparison import Comparison, ExperimentResult
-from evergym.experiments.figures import FIGURES, draw_figure
+from evergym.experiments.figures import FIGURES, draw_figure, draw_load_parts
 from evergym.experiments.parameter_sets import Column
 from evergym.experiments.provenance import ParameterRecord
 from evergym.experiments.residuals import ResidualStructure, analyse_residual
@@ -132,6 +132,7 @@ def write_report(
         columns=list(Column),
         rows=[_make_report_row(result) for result in comparison.results],
         figures=[(title, image, _describe_experiments(comparison, names)) for title, names, image in drawn if image],
+        load_parts=draw_load_parts(comparison),
         other=_describe_experiments(comparison, ("tip_position",)),
         misses=misses,
         parameters=parameters,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evergym.experiments.experiment import ErrorMeasure, Experiment
 from evergym.units import GRAM_FORCE, KPA, MM
 
-__all__ = ["Dependence", "ResidualStructure", "analyse_residual"]
+__all__ = ["Dependence", "LoadParts", "ResidualStructure", "analyse_residual", "split_by_load"]
 
 
 class _Condition(NamedTuple):
@@ -98,6 +98,29 @@ def analyse_residual(experiment: Experiment, simulated: NDArray[np.float64]) -> 
         reading=2.0 * experiment.resolution / np.sqrt(12.0),
         dependences=tuple(sorted(found, key=lambda item: item.share, reverse=True)),
     )
+
+
+class LoadParts(NamedTuple):
+    """What changes sign with the load (the compliance) and what does not (a bias), means over the loads."""
+
+    pressure: NDArray[np.float64]
+    odd: NDArray[np.float64]
+    even: NDArray[np.float64]
+
+
+def split_by_load(
+    opposite: NDArray[np.float64], toward: NDArray[np.float64], pressure: NDArray[np.float64]
+) -> LoadParts:
+    """Split curvatures under opposite loads into the odd and the even part in the load, for every pressure.
+
+    Args:
+        opposite: Curvatures with the load opposite [1/m], shape (n,).
+        toward: Curvatures with the same loads toward, at the same pressures [1/m], shape (n,).
+        pressure: Pressures of the points [Pa], shape (n,).
+    """
+    table = pd.DataFrame({"odd": 0.5 * (toward - opposite), "even": 0.5 * (toward + opposite), "pressure": pressure})
+    means = table.groupby("pressure", sort=True).mean()
+    return LoadParts(means.index.to_numpy(dtype=float), means.odd.to_numpy(), means.even.to_numpy())
 
 
 def _find_dependence(condition: _Condition, values: pd.Series, residual: NDArray[np.float64]) -> Dependence:

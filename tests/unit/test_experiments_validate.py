@@ -16,13 +16,13 @@ from evergym.experiments.bars import BARS, find_bar
 from evergym.experiments.commands import make_json
 from evergym.experiments.comparison import Comparison, compare
 from evergym.experiments.figures import FIGURES, draw_figure
-from evergym.experiments.paper import EXPERIMENTS, TABLE_EXPERIMENTS, load_experiment
+from evergym.experiments.paper import EXPERIMENTS, READING_LENGTH, TABLE_EXPERIMENTS, load_experiment
 from evergym.experiments.parameter_sets import PREDICTED_EXPERIMENTS, Column, ParameterSets, override
-from evergym.experiments.provenance import describe_parameters, read_model_text
+from evergym.experiments.provenance import describe_parameters, dump_model, read_model_text
 from evergym.experiments.report import find_misses, make_table, write_report
-from evergym.experiments.residuals import analyse_residual
+from evergym.experiments.residuals import analyse_residual, split_by_load
 from evergym.model import Model, load_model
-from evergym.units import GRAM_FORCE
+from evergym.units import DEG, GRAM_FORCE
 
 
 def make_model(offset: float) -> Model:
@@ -219,6 +219,16 @@ def test_many_values_of_a_condition_are_grouped() -> None:
     assert pull.share > 0.9
 
 
+def test_the_bias_of_the_straight_robot_steps_with_the_pressure() -> None:
+    opposite, toward = load_experiment("fig11a"), load_experiment("fig11b")
+    parts = split_by_load(opposite.measured, toward.measured, toward.points.pressure.to_numpy())
+    degrees = READING_LENGTH / DEG
+    # Read off the data when they were digitised: 25.3, 23.3, 24.3, 23.8, 24.6 and 0, then -2.4 to -3.3 degrees.
+    assert parts.odd * degrees == pytest.approx([25.25, 23.25, 24.25, 23.75, 24.625], abs=0.2)
+    assert parts.even[0] * degrees == pytest.approx(0.0, abs=0.2)
+    assert all(-3.4 < even < -2.3 for even in parts.even[1:] * degrees)
+
+
 # -- provenance
 
 
@@ -238,6 +248,21 @@ def test_comments_of_a_model_file_are_its_provenance() -> None:
     assert records["robot.catheter_length_mm"].provenance == "paper, Table I"
     assert records["robot.catheter_damping_time_ms"].provenance.startswith("prior")
     assert "name" not in records
+
+
+def test_provenance_is_written_and_read_back(tmp_path: Path) -> None:
+    model = override(load_model("mammobot_2023"), {"robot": {"tendon_arm_mm": 0.9}}, "test")
+    words = {"robot.tendon_arm_mm": "Figs. 7, 11 +- 0.05", "effects.wall_wrinkling.enabled": "Comer and Levy 1963"}
+    path = tmp_path / "model.toml"
+    path.write_text(dump_model(model, words))
+    assert load_model(path) == model
+    records = {record.name: record for record in describe_parameters(load_model(path), read_model_text(str(path)))}
+    assert {name: records[name].provenance for name in words} == words
+    assert records["robot.tendon_arm_mm"].uncertainty == 0.05
+    with pytest.raises(ConfigError, match=r"no parameter 'robot\.arm'"):
+        dump_model(model, {"robot.arm": "x"})
+    with pytest.raises(ConfigError, match="several lines"):
+        dump_model(model, {"robot.tendon_arm_mm": "x\ny"})
 
 
 def test_shipped_comments_are_found() -> None:
@@ -281,7 +306,7 @@ def test_the_report_holds_everything(tmp_path: Path) -> None:
     assert [file.name for file in path.parent.iterdir()] == ["report.html"]
     reader = _Reader()
     reader.feed(path.read_text(encoding="utf-8"))
-    assert len(reader.images) == len(FIGURES)
+    assert len(reader.images) == len(FIGURES) + 1  # and Fig. 11 taken apart
     assert all(image.startswith("data:image/svg+xml;base64,") for image in reader.images)
     for name in TABLE_EXPERIMENTS:
         assert name in reader.text
