@@ -23,7 +23,7 @@ class _Condition(NamedTuple):
 
 _CONDITIONS = {
     "load": _Condition("tip load", "g", GRAM_FORCE),
-    "pressure": _Condition("pressure", "kPa", KPA),
+    "pressure": _Condition("gauge pressure", "kPa", KPA),
     "tendon_pull": _Condition("tendon pull", "mm", MM),
     "feed_velocity": _Condition("feed", "mm/s", MM),
     "time": _Condition("time", "s", 1.0),
