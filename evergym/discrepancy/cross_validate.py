@@ -21,6 +21,10 @@ __all__ = ["CrossValidation", "cross_validate"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+DOUBT_SHARE, DOUBT_OFFSET = 0.5, 0.1
+"""A strength that the other experiments say nothing about stays as it is; one that they contradict moves: they are
+taken together with a prior about the fitted strength, this share of it (and this much of the typical one) wide."""
+
 
 @dataclass(frozen=True)
 class CrossValidation:
@@ -55,6 +59,10 @@ def cross_validate(
         nominals: Number of nominal parameters: the first unknowns.
     """
     precision, (low, high) = fit.space.prior_precision, fit.space.limits
+    centre = np.zeros(fit.space.size)
+    centre[nominals:] = fit.z[nominals:]
+    doubt = precision.copy()
+    doubt[nominals:] += (DOUBT_SHARE * np.abs(fit.z[nominals:]) + DOUBT_OFFSET) ** -2
     size = fit.space.size
     rows = [np.flatnonzero((experiment == index) & use) for index in experiments]
     normals = [fit.jacobian[part].T @ fit.jacobian[part] for part in rows]
@@ -66,7 +74,8 @@ def cross_validate(
     for k, part in enumerate(rows):
         step = np.zeros(size)
         if size:
-            step = solve_normal(normal - normals[k], gradient - gradients[k], precision, fit.z, (low, high))
+            others = normal - normals[k], gradient - gradients[k]
+            step = solve_normal(*others, doubt, fit.z, (low, high), centre=centre)
         unknowns[k] = fit.z + step
         if nominals:
             # The strengths stay as the other experiments have them; the nominal parameters answer to all.

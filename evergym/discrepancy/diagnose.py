@@ -5,75 +5,47 @@ noise -> recalibration -> map of disagreement -> candidates -> screening -> fits
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.calibrate import Calibration, calibrate, find_sensitivity, refine
-from evergym.discrepancy.candidates import Candidate, find_candidates
+from evergym.discrepancy.calibrate import calibrate, find_sensitivity, refine
+from evergym.discrepancy.candidates import find_candidates
+from evergym.discrepancy.choose import choose_effects
 from evergym.discrepancy.dataset import Dataset, load_dataset
-from evergym.discrepancy.diagnosis import CandidateRow, Diagnosis, write_json
-from evergym.discrepancy.gap import Gap, measure_gap
+from evergym.discrepancy.diagnosis import Diagnosis, write_json
+from evergym.discrepancy.evidence import Evidence
+from evergym.discrepancy.findings import describe_effects, list_candidates
+from evergym.discrepancy.gap import measure_gap
 from evergym.discrepancy.hold_out import choose_held_out
 from evergym.discrepancy.hook import UserEffect, load_user_effects
-from evergym.discrepancy.interval import Interval, estimate_intervals
 from evergym.discrepancy.locate import Cell, locate
+from evergym.discrepancy.next_experiment import NextExperiment, choose_next
 from evergym.discrepancy.noise import NoiseModel, estimate_noise
 from evergym.discrepancy.predict import Predictor, Setting
+from evergym.discrepancy.profiles import list_profiles, to_columns
+from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.rig import apply_robot
-from evergym.discrepancy.screen import Signature, group_equivalent, screen_candidates
-from evergym.discrepancy.select import Score, Split, fit_candidates, score_fit
-from evergym.discrepancy.verdict import (
-    NamedEffect,
-    Thresholds,
-    Verdict,
-    decide,
-    estimate_confidence,
-    explained_share,
-    find_equivalents,
-    is_excited,
-    worst_cell,
-)
+from evergym.discrepancy.screen import group_equivalent, screen_candidates
+from evergym.discrepancy.select import Score, Split, score_fit
+from evergym.discrepancy.verdict import Thresholds, Verdict, decide, is_excited, worst_cell
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model, save_model
 
-__all__ = ["Evidence", "diagnose", "run_stages"]
+__all__ = ["diagnose", "run_stages", "write_results"]
 
 Array = NDArray[np.float64]
 
 Stage = Callable[[str, float], None]
 """Told what is being done, and the share of the whole that is done."""
 
-FITTED_MAX = 6
-"""Candidates that are fitted in the loop."""
-EFFECTS_MAX = 2
-"""Effects that are looked for at once."""
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """The results of all stages, for the report."""
-
-    dataset: Dataset
-    noise: NoiseModel
-    measurement: Measurement
-    predictor: Predictor
-    split: Split
-    calibration: Calibration
-    base: Score
-    signatures: tuple[Signature, ...]
-    classes: Mapping[str, Sequence[str]]
-    rivals: tuple[Score, ...]
-    chosen: Score
-    final: Score
-    """The chosen effects fitted to all experiments."""
-    diagnosis: Diagnosis
+NEXT_FILE = "next.csv"
 
 
 def diagnose(
@@ -105,9 +77,16 @@ def diagnose(
 
 
 def write_results(evidence: Evidence, out: Path) -> None:
-    """Write the files of a diagnosis into a folder."""
+    """Write the files of a diagnosis into a folder; ``diagnosis.json`` comes last, so that it means "complete"."""
     out.mkdir(parents=True, exist_ok=True)
     save_model(evidence.diagnosis.model, out / "model.toml")
+    if evidence.upcoming is not None:
+        columns = to_columns(evidence.upcoming.profile.run)
+        with (out / NEXT_FILE).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(columns)
+            writer.writerows(zip(*columns.values(), strict=True))
+    write_report(evidence, out / "report.html")
     write_json(evidence.diagnosis, out / "diagnosis.json")
 
 
@@ -137,7 +116,11 @@ def run_stages(
     split = split_samples(dataset, measurement, sensitivity.jacobian)
     calibration = calibrate(predictor, sensitivity, split.use)
     base = score_fit(predictor, calibration.fit, split, ())
-    cells = map_disagreement(dataset, measurement, base, split)
+
+    def draw_map(score: Score) -> list[Cell]:
+        return map_disagreement(dataset, measurement, score, split)
+
+    cells = draw_map(base)
 
     tell("screening", 0.25)
     candidates = find_candidates(model, users)
@@ -145,13 +128,12 @@ def run_stages(
     classes = group_equivalent(signatures, split.use)
     excited = is_excited(signatures, thresholds)
 
-    tell("fits", 0.45)
+    tell("fits", 0.5)
+    chosen: Score = base
     rivals: list[Score] = []
-    chosen = base
     if worst_cell(cells) >= thresholds.cell_min:
-        rivals = fit_candidates(predictor, base, [s for s in signatures if s.gain > 1.0], split, FITTED_MAX)
-        chosen, rivals = choose_effects(predictor, base, rivals, candidates, split, thresholds, tell)
-    cells_after = map_disagreement(dataset, measurement, chosen, split)
+        chosen, rivals = choose_effects(predictor, base, signatures, candidates, split, thresholds, draw_map)
+    cells_after = draw_map(chosen)
     verdict = decide(base, chosen, cells, cells_after, excited, thresholds)
     if verdict not in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):
         chosen, cells_after = base, cells
@@ -159,45 +141,49 @@ def run_stages(
     tell("intervals", 0.85)
     everything = Split(np.ones(measurement.size, dtype=bool), tuple(range(len(measurement.experiments))), ())
     final = score_fit(predictor, refine(predictor, chosen.fit, everything.use), everything, chosen.effects)
-    names, parameters = describe_effects(base, chosen, final, rivals, classes, thresholds)
+    effects, parameters = describe_effects(base, chosen, final, rivals, classes, thresholds)
     held_out = np.isin(measurement.experiment, split.held_out)
-    gap: Gap | None = None
-    if held_out.any():
-        gap = measure_gap(
-            dataset, measurement, held_out, calibration.nominal, base.fit.prediction, chosen.fit.prediction
-        )
+    predictions = calibration.nominal, base.fit.prediction, chosen.fit.prediction
+    gap = measure_gap(dataset, measurement, held_out, *predictions) if held_out.any() else None
+
+    tell("next experiment", 0.92)
+    rows = list_candidates(base, candidates, signatures, rivals, excited)
+    upcoming = plan_next(
+        predictor, noise, model, chosen, rivals, [name for effect in effects[:1] for name in effect.equivalents]
+    )
     corrected = final.fit.space.setting(final.fit.z).model
     diagnosis = Diagnosis(
         verdict=verdict,
-        effects=names,
+        effects=effects,
         parameters=parameters,
         where=tuple(cells),
         where_after=tuple(cells_after),
         gap=gap,
         calibration=tuple(calibration.estimates(final.fit)),
         silent=calibration.silent,
-        candidates=tuple(list_candidates(base, candidates, signatures, rivals, excited)),
-        next_experiment=None,
+        candidates=tuple(rows),
+        next_experiment={"why": upcoming.why, "commands": NEXT_FILE} if upcoming else None,
         rows_set_aside=dataset.set_aside,
         simulations=predictor.simulations,
         seconds=time.monotonic() - begin,
-        model=dataclasses.replace(corrected, name=f"{model.name}_corrected"[:60]),
+        model=dataclasses.replace(corrected, name=f"{model.name}_corrected"),
     )
     tell("done", 1.0)
     return Evidence(
-        dataset,
-        noise,
-        measurement,
-        predictor,
-        split,
-        calibration,
-        base,
-        tuple(signatures),
-        classes,
-        tuple(rivals),
-        chosen,
-        final,
-        diagnosis,
+        dataset=dataset,
+        noise=noise,
+        measurement=measurement,
+        predictor=predictor,
+        split=split,
+        calibration=calibration,
+        base=base,
+        signatures=tuple(signatures),
+        classes=classes,
+        rivals=tuple(rivals),
+        chosen=chosen,
+        final=final,
+        upcoming=upcoming,
+        diagnosis=diagnosis,
     )
 
 
@@ -215,95 +201,22 @@ def map_disagreement(dataset: Dataset, measurement: Measurement, score: Score, s
     return locate(dataset, measurement, score.fit.prediction, score.fit.residual, freedom, split.use)
 
 
-def choose_effects(
+def plan_next(
     predictor: Predictor,
-    base: Score,
-    rivals: list[Score],
-    candidates: Sequence[Candidate],
-    split: Split,
-    thresholds: Thresholds,
-    tell: Stage,
-) -> tuple[Score, list[Score]]:
-    """Return the best model with one effect, or with more where each further one earns its place, and its rivals."""
-    if not rivals:
-        return base, rivals
-    best = rivals[0]
-    for count in range(1, EFFECTS_MAX):
-        tell(f"{count + 1} effects", 0.6)
-        cells = map_disagreement(predictor.dataset, predictor.measurement, best, split)
-        if worst_cell(cells) < thresholds.rest_cell_min:
-            break
-        names = {effect.name for effect in best.effects}
-        others = [candidate for candidate in candidates if candidate.name not in names]
-        signatures = screen_candidates(predictor, best.fit, others, split.use)
-        further = fit_candidates(predictor, best, [s for s in signatures if s.gain > 1.0], split, FITTED_MAX // 2)
-        if not further or not earns_its_place(best, further[0], thresholds):
-            break
-        best = further[0]
-    return best, rivals
-
-
-def earns_its_place(before: Score, after: Score, thresholds: Thresholds) -> bool:
-    """Return whether a further effect predicts left-out experiments better by an amount that matters."""
-    gain = 0.5 * (before.validation.total - after.validation.total)
-    return (
-        gain >= 2.0 * thresholds.gain_min
-        and after.excess <= 0.5 * before.excess
-        and before.excess - after.excess >= 0.1
-    )
-
-
-def describe_effects(
-    base: Score,
+    noise: NoiseModel,
+    model: Model,
     chosen: Score,
-    final: Score,
     rivals: Sequence[Score],
-    classes: Mapping[str, Sequence[str]],
-    thresholds: Thresholds,
-) -> tuple[tuple[NamedEffect, ...], dict[str, list[Interval]]]:
-    """Return the effects of the chosen model with confidence, share and equivalents, and their parameters."""
-    names: list[NamedEffect] = []
-    parameters: dict[str, list[Interval]] = {}
-    share = explained_share(base, chosen)
-    for position, effect in enumerate(chosen.effects):
-        alone = next((rival for rival in rivals if rival.effects == (effect,)), None)
-        if position == 0 and alone is not None:
-            equivalents = find_equivalents(alone, rivals, classes, thresholds)
-            confidence = estimate_confidence(share, alone, rivals)
-        else:
-            equivalents, confidence = (), estimate_confidence(share, chosen, ())
-        own = share if len(chosen.effects) == 1 or alone is None else explained_share(base, alone)
-        names.append(NamedEffect(effect.name, confidence, own, equivalents))
-        paths = {axis.path for axis in effect.axes}
-        first = min((i for i, axis in enumerate(final.fit.space.axes) if axis.path in paths), default=None)
-        intervals = [] if first is None else estimate_intervals(final.fit, final.validation, first)
-        parameters[effect.name] = [interval for interval in intervals if interval.path in paths]
-    return tuple(names), parameters
-
-
-def list_candidates(
-    base: Score,
-    candidates: Sequence[Candidate],
-    signatures: Sequence[Signature],
-    rivals: Sequence[Score],
-    excited: Sequence[str],
-) -> list[CandidateRow]:
-    """Return what became of every candidate, the best first."""
-    fitted = {rival.effects[0].name: rival for rival in rivals}
-    seen = {signature.candidate.name: signature for signature in signatures}
-    rows = []
-    for candidate in candidates:
-        signature, rival = seen.get(candidate.name), fitted.get(candidate.name)
-        size, kept = (signature.size, signature.kept) if signature else (0.0, 0.0)
-        share, values = None, {}
-        if rival is not None:
-            share = explained_share(base, rival)
-            paths = {axis.path for axis in candidate.axes}
-            found = rival.fit.space.values(rival.fit.z)
-            values = {path.rpartition(".")[2]: float(found[path]) for path in paths}  # type: ignore[arg-type]
-        status = "fitted" if rival else ("screened out" if candidate.name in excited else "not excited")
-        rows.append(CandidateRow(candidate.name, status, size, kept, share, values))
-    return sorted(rows, key=lambda row: (-(row.explained_share or 0.0), row.status, -row.size))
+    equivalents: Sequence[str],
+) -> NextExperiment | None:
+    """Return the experiment that separates the chosen effect from those that explain the data as well."""
+    fits = [rival.fit for rival in rivals if rival.effects[0].name in equivalents]
+    if not chosen.effects or not fits:
+        return None
+    best = next(rival for rival in rivals if rival.effects[0] is chosen.effects[0])
+    why = f"separates {chosen.effects[0].name} from {' and '.join(equivalents)}"
+    profiles = list_profiles(predictor.dataset, model.robot)
+    return choose_next(predictor, noise, profiles, best.fit, fits, why)
 
 
 def _ignore(what: str, share: float) -> None:

@@ -90,12 +90,18 @@ def solve_step(
 
 
 def solve_normal(
-    normal: Array, gradient: Array, precision: Array, z: Array, limits: tuple[Array, Array], reach: float = np.inf
+    normal: Array,
+    gradient: Array,
+    precision: Array,
+    z: Array,
+    limits: tuple[Array, Array],
+    reach: float = np.inf,
+    centre: Array | None = None,
 ) -> Array:
-    """As `solve_step`, from the normal matrix J'J and the gradient J'r."""
+    """As `solve_step`, from the normal matrix J'J and the gradient J'r; the prior is about ``centre`` (None: 0)."""
     size = len(z)
     matrix = normal + np.diag(precision + 1e-9 * (np.diag(normal) + 1.0))
-    right = gradient - precision * z
+    right = gradient - precision * (z if centre is None else z - centre)
     factor = np.linalg.cholesky(matrix)
     step = np.linalg.solve(factor.T, np.linalg.solve(factor, right))
     low = np.maximum(limits[0] - z, -reach)

@@ -39,6 +39,9 @@ class Thresholds:
         rest_cell_min: Excess of a cell after the effect is in, above which something else is still missing.
         tie_factor: Candidates whose excess is within this factor of the best one's are tied with it.
         tie_offset: The same, as an absolute excess [sigma^2].
+        further_gain_min: Half the chi-squares that left-out experiments must gain from a further effect.
+        further_share_max: Share of the excess that a further effect may leave.
+        further_excess_min: Excess [sigma^2] that a further effect must take away.
         kept_min: Share of a signature that recalibration must leave over for the effect to be identifiable.
         size_min: Norm of what recalibration leaves over of the typical signature [sigma], for an effect to count as
             excited.
@@ -50,6 +53,9 @@ class Thresholds:
     rest_cell_min: float = 1.0
     tie_factor: float = 1.25
     tie_offset: float = 0.02
+    further_gain_min: float = 24.0
+    further_share_max: float = 0.5
+    further_excess_min: float = 0.1
     kept_min: float = 0.1
     size_min: float = 6.0
 
