@@ -51,14 +51,14 @@ def _set(generator: Generator, files: Files, column: str, change: Callable[[str]
     row = _measured_cell(generator, table, column)
     place = table[0].index(column)
     table[row][place] = change(table[row][place])
-    return Spoiled(_write(files, table), ("samples.csv", str(row + 1), column))
+    return Spoiled(_write(files, table), ("samples.csv", f"row {row + 1}", column))
 
 
 def misspell_column(generator: Generator, files: Files) -> Spoiled:
     """A column has a name that is not known."""
     table = _read(files)
     table[0][table[0].index("tip_x_mm")] = "tip_x_m"
-    return Spoiled(_write(files, table), ("samples.csv", "1", "tip_x_m", "tip_x_mm"))
+    return Spoiled(_write(files, table), ("samples.csv", "row 1", "tip_x_m", "tip_x_mm"))
 
 
 def turn_time_back(generator: Generator, files: Files) -> Spoiled:
@@ -68,7 +68,7 @@ def turn_time_back(generator: Generator, files: Files) -> Spoiled:
     rows = [i for i in range(3, len(table)) if table[i][0] == table[i - 1][0] == table[i - 2][0]]
     row = int(generator.choice(rows))
     table[row][place] = f"{float(table[row - 1][place]) - 0.1:g}"
-    return Spoiled(_write(files, table), ("samples.csv", str(row + 1), "time_s"))
+    return Spoiled(_write(files, table), ("samples.csv", f"row {row + 1}", "time_s"))
 
 
 def change_pressure_unit(generator: Generator, files: Files) -> Spoiled:
@@ -116,7 +116,7 @@ def name_unknown_run(generator: Generator, files: Files) -> Spoiled:
     table = _read(files)
     row = int(generator.integers(2, len(table)))
     table[row][0] = "r99"
-    return Spoiled(_write(files, table), ("samples.csv", str(row + 1), "r99"))
+    return Spoiled(_write(files, table), ("samples.csv", f"row {row + 1}", "r99"))
 
 
 def repeat_run_id(generator: Generator, files: Files) -> Spoiled:
@@ -134,7 +134,7 @@ def raise_schema(generator: Generator, files: Files) -> Spoiled:
 
 def use_semicolons(generator: Generator, files: Files) -> Spoiled:
     """The table is separated by semicolons."""
-    return Spoiled({**files, "samples.csv": files["samples.csv"].replace(",", ";")}, ("samples.csv", "1"))
+    return Spoiled({**files, "samples.csv": files["samples.csv"].replace(",", ";")}, ("samples.csv", "row 1"))
 
 
 def remove_table(generator: Generator, files: Files) -> Spoiled:

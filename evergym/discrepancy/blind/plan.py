@@ -77,8 +77,8 @@ class Profile:
     """
 
     def __init__(self, duration: float) -> None:
-        self.time = ROW_S * np.arange(round(duration / ROW_S) + 1)
-        self.commands = np.zeros((len(self.time), len(COMMANDS)))
+        self.time: Array = np.linspace(0.0, ROW_S * round(duration / ROW_S), round(duration / ROW_S) + 1)
+        self.commands: Array = np.zeros((len(self.time), len(COMMANDS)))
 
     def hold(self, name: str, value: float) -> Profile:
         """Set a command for the whole run."""
