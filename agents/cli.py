@@ -40,6 +40,9 @@ COMMANDS = {
         "evergym.discrepancy.commands", "DatasetExportPaper", "write the paper's figures as measured runs"
     ),
     "diagnose": CommandEntry("evergym.agents.diagnose", "Diagnose", "find what a model lacks, from measured runs"),
+    "blind": CommandEntry(
+        "evergym.discrepancy.blind.command", "Blind", "test the diagnosis on data in which an effect is hidden"
+    ),
     "duct make": CommandEntry("evergym.duct_models.commands", "DuctMake", "make ducts of a family, or from a mesh"),
     "duct check": CommandEntry("evergym.duct_models.commands", "DuctCheck", "check a mesh of your own"),
     "duct show": CommandEntry("evergym.duct_models.commands", "DuctShow", "draw a duct"),
