@@ -30,6 +30,12 @@ Array = NDArray[np.float64]
 
 SETTLING_STEPS = 4
 """Steps after a change of the command that are not lengthened."""
+CORNER_SHARE = 5e-4
+"""Largest error of the tip and the everted length by interpolation within a joined step, over the tip's distance."""
+CORNER_DEG = 0.1
+"""The same of the angles [deg]."""
+_LENGTHS = [CHANNELS.index(name) for name in ("tip_x_mm", "tip_y_mm", "tip_z_mm", "everted_length_mm")]
+_ANGLES = [CHANNELS.index(name) for name in ("tip_angle_deg", "bending_angle_deg")]
 
 
 class Prediction(NamedTuple):
@@ -96,14 +102,34 @@ def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Se
         roll=first.roll,
     )
     time = run.time_s
-    before = channels[0] = _read(simulator, reading, run, hooks, float(time[0]))
+    channels[0] = _read(simulator, reading, run, hooks, float(time[0]))
     for step in plan_steps(run, numerics.step_s):
+        joined = step.last > step.first + 1
+        snapshot = simulator.save() if joined and not hooks else None
         reading = _advance(simulator, reading, step, make_command(step.command, bias), float(time[step.first]), hooks)
-        after = _read(simulator, reading, run, hooks, float(time[step.last]))
-        if step.last > step.first + 1:
+        channels[step.last] = _read(simulator, reading, run, hooks, float(time[step.last]))
+        if snapshot is not None and _hides_corner(channels, time, step):
+            simulator.restore(snapshot)
+            for row in range(step.first, step.last):
+                reading = simulator.advance(make_command(run.commands[row], bias), float(time[row + 1] - time[row]))
+                channels[row + 1] = convert_reading(simulator, reading, run.signed_angles)
+        elif joined:
             share = ((time[step.first + 1 : step.last] - time[step.first]) / step.duration)[:, None]
-            channels[step.first + 1 : step.last] = (1.0 - share) * before + share * after
-        before = channels[step.last] = after
+            channels[step.first + 1 : step.last] = (1.0 - share) * channels[step.first] + share * channels[step.last]
+
+
+def _hides_corner(channels: Array, time: Array, step: Step) -> bool:
+    """Whether the robot changed its pace within a joined step so much that interpolation would show.
+
+    A play that is taken up, a tail that stalls: the commands do not tell, only the result does.
+    """
+    if step.first == 0:
+        return False
+    before, start, end = channels[step.first - 1], channels[step.first], channels[step.last]
+    expected = (start - before) * (step.duration / (time[step.first] - time[step.first - 1]))
+    bend = np.abs(end - start - expected)
+    length = max(float(np.linalg.norm(start[:3])), 1.0)
+    return bool(bend[_LENGTHS].max() > 4.0 * CORNER_SHARE * length or bend[_ANGLES].max() > 4.0 * CORNER_DEG)
 
 
 def _advance(
