@@ -49,7 +49,7 @@ class Recorder:
         self._rest[COMMANDS.index("roll_deg")] = reading.roll / DEG
         self._rest[COMMANDS.index("tendon_pull_mm")] = reading.tendon_pull / MM
         self._rest[COMMANDS.index("pressure_kpa")] = reading.pressure / KPA + self._bias
-        self._time: list[float] = []
+        self._time = [reading.time]
         self._commands: list[Array] = []
         self._channels = [convert_reading(simulator, reading)]
         self._advance = simulator.advance
@@ -58,11 +58,9 @@ class Recorder:
         """Advance the simulator under a held command and record it; see `Simulator.advance`."""
         parts = 1 if self.period is None else max(1, math.ceil(duration / self.period - 1e-9))
         row = _describe_command(command, self._bias)
-        reading = self.simulator.reading
         for _ in range(parts):
-            start = reading.time
             reading = self._advance(command, duration / parts)
-            self._time.append(start)
+            self._time.append(reading.time)
             self._commands.append(row)
             self._channels.append(convert_reading(self.simulator, reading))
         return reading
@@ -78,9 +76,9 @@ class Recorder:
         Raises:
             ConfigError: nothing was recorded.
         """
-        if not self._time:
+        if not self._commands:
             raise ConfigError(f"Run '{run_id}' holds no step. Advance the simulator before finishing the record.")
-        time = np.array([*self._time, self.simulator.reading.time])
+        time = np.array(self._time)
         commands = np.array([*self._commands, self._commands[-1]])
         measured = np.array(self._channels)
         if _differs(self._rest, commands[0]):
