@@ -142,7 +142,7 @@ def growth(generator: Generator, bench: BenchRange) -> PlannedRun:
     """Grow at one feed and one or two pressures; feed, rest, feed."""
     end = generator.uniform(10.0, 13.0)
     feed = bench.feed_mm_s * generator.uniform(0.4, 1.0)
-    start = bench.length_mm * generator.choice([0.15, 0.4, 0.7, 0.95])
+    start = bench.length_mm * generator.choice([0.1, 0.25, 0.45, 0.75])
     pressure = _pressure(generator, bench, 0.35, 1.0)
     profile = Profile(end)
     profile.steps("tail_feed_mm_s", [0.0, 1.0, 0.6 * end, 0.7 * end], [0.0, feed, 0.0, feed])
@@ -163,7 +163,7 @@ def growth_threshold(generator: Generator, bench: BenchRange) -> PlannedRun:
     profile.ramps("pressure_kpa", [0.0, 0.55 * end, end], [0.1 * bench.pressure_low_kpa, top, bench.pressure_low_kpa])
     profile.hold("tail_feed_mm_s", bench.feed_mm_s * generator.uniform(0.5, 1.0))
     profile.commands[:, 0] = 0.1 * profile.commands[:, 1]
-    return _finish(profile, bench.length_mm * generator.choice([0.2, 0.5, 0.8]))
+    return _finish(profile, bench.length_mm * generator.choice([0.15, 0.35, 0.6]))
 
 
 def growth_bent(generator: Generator, bench: BenchRange) -> PlannedRun:
@@ -177,7 +177,7 @@ def growth_bent(generator: Generator, bench: BenchRange) -> PlannedRun:
     low = 0.3 * bench.pull_start_mm
     knots = [0.0, 0.25, TAKE_UP_S, 0.6 * end, 0.75 * end, end]
     profile.ramps("tendon_pull_mm", knots, [low, low, pull, pull, low, low])
-    return _finish(profile, bench.length_mm * generator.uniform(0.7, 0.95))
+    return _finish(profile, bench.length_mm * generator.uniform(0.4, 0.8))
 
 
 def roll_sweep(generator: Generator, bench: BenchRange) -> PlannedRun:

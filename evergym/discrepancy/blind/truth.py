@@ -143,6 +143,7 @@ def draw_truth(seed: int, index: int, attempt: int = 0) -> Truth:
     if outside:
         parts.append(HiddenPart(outside, "outside", OUTSIDE[outside].draw(how, find_range(known))))
     nominals = draw_jitter(real, known)
+    nominals = {path: value for path, value in nominals.items() if path.split(".")[1] not in names}
     wrong: dict[str, float] = {}
     if kind is Kind.NONE and number % 2 == 1:
         wrong = draw_wrong_nominals(real, known)
