@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evergym.config import ParameterInfo
 from evergym.discrepancy.dataset import Run
+from evergym.effects.catalogue import Effects
 from evergym.errors import ConfigError
 from evergym.simulator import Command, Reading
 
-__all__ = ["Hook", "UserEffect", "load_user_effects"]
+__all__ = ["Hook", "PassiveHook", "UserEffect", "load_user_effects"]
 
 Array = NDArray[np.float64]
 
@@ -34,24 +37,45 @@ class Hook(Protocol):
         """Return what the instruments read instead of ``channels``, shape (9,), in the channels' units."""
 
 
-@runtime_checkable
-class UserEffect(Protocol):
+class PassiveHook:
+    """A hook that changes nothing: derive from it and override what your effect does."""
+
+    def reset(self, run: Run) -> None:
+        """Forget everything: a run begins."""
+        del run
+
+    def transform_command(self, time: float, dt: float, command: Command, reading: Reading) -> Command:
+        """Return the command as it is."""
+        del time, dt, reading
+        return command
+
+    def transform_channels(self, time: float, channels: Array) -> Array:
+        """Return the channels as they are."""
+        del time
+        return channels
+
+
+@dataclass(frozen=True)
+class UserEffect:
     """An effect that joins the candidates of a diagnosis without touching the package.
 
     Attributes:
         name: Its name in results; not one of the catalogue.
-        parameters: Unit, limits (``low``, ``high``: both needed) and meaning of each parameter.
+        hook: Makes the effect at work from the parameters as keyword arguments: a class such as a `PassiveHook`.
+        parameters: Unit, limits (``low`` and ``high``: both needed) and meaning of each parameter.
         off: Value of each parameter at which the effect does nothing.
         typical: Value of each parameter at which the effect is clearly visible.
     """
 
     name: str
+    hook: Callable[..., Hook]
     parameters: Mapping[str, ParameterInfo]
     off: Mapping[str, float]
     typical: Mapping[str, float]
 
     def create_hook(self, values: Mapping[str, float]) -> Hook:
         """Return the effect at these parameter values."""
+        return self.hook(**values)
 
 
 def load_user_effects(path: str | Path) -> tuple[UserEffect, ...]:
@@ -76,15 +100,20 @@ def load_user_effects(path: str | Path) -> tuple[UserEffect, ...]:
     effects = getattr(module, "EFFECTS", None)
     if not isinstance(effects, list | tuple) or not effects:
         raise ConfigError(f"{path} defines no list EFFECTS. Add: EFFECTS = [MyEffect()]")
+    names: set[str] = set()
     for effect in effects:
         _check(effect, path)
+        if effect.name in names:
+            raise ConfigError(f"{path}: two effects are named '{effect.name}'. Give each a name of its own.")
+        if effect.name in {field.name for field in dataclasses.fields(Effects)}:
+            raise ConfigError(f"{path}: '{effect.name}' is an effect of the catalogue already. Choose another name.")
+        names.add(effect.name)
     return tuple(effects)
 
 
 def _check(effect: object, path: Path) -> None:
     if not isinstance(effect, UserEffect):
-        missing = [key for key in ("name", "parameters", "off", "typical", "create_hook") if not hasattr(effect, key)]
-        raise ConfigError(f"{path}: {type(effect).__name__} in EFFECTS lacks {', '.join(missing)}.")
+        raise ConfigError(f"{path}: EFFECTS holds a {type(effect).__name__}, but must hold UserEffect objects.")
     if not effect.parameters:
         raise ConfigError(f"{path}: the effect '{effect.name}' has no parameters, so nothing of it can be fitted.")
     for name, info in effect.parameters.items():
@@ -96,3 +125,10 @@ def _check(effect: object, path: Path) -> None:
                     f"{path}: the effect '{effect.name}' must give a value '{kind}' for '{name}', "
                     f"{info.describe_limits()}: got {values.get(name)}."
                 )
+    try:
+        effect.create_hook(effect.typical)
+    except Exception as error:
+        raise ConfigError(
+            f"{path}: the hook of '{effect.name}' cannot be made with {', '.join(effect.parameters)}: "
+            f"{type(error).__name__}: {error}."
+        ) from error
