@@ -40,10 +40,9 @@ START_SIGMAS = 5.0
 """A start from zero must explain the change from the first row to the second by so much better."""
 START_SHARE = 0.5
 """... and leave at most this share of it."""
-SHIFT_SHARE = 0.85
-"""A shift by a row must leave at most this share of the changes' mean residual; under a model with a large gap the
-right reading leaves 0.8 of the second best, a wrong one 3 times the right one's (a catheter with three times the
-backlash)."""
+SHIFT_SHARE = 0.8
+"""A shift by a row must leave at most this share of the changes' mean residual. Under a model with a third of the
+robot's backlash the right reading leaves 0.6 of the wrong one's, a needless shift 3 times the right one's."""
 SHIFT_SIGMAS = 1.0
 """... and at least this much less of it."""
 
@@ -83,18 +82,18 @@ def find_alignment(model: Model, dataset: Dataset, run: Run) -> Alignment:
         return Alignment.AS_WRITTEN
     sigma = np.array([dataset.noise.get(name, np.nan) for name in CHANNELS])
     residual = {option: _compute_residual(model, run, option, sigma) for option in (Alignment.AS_WRITTEN, *options)}
-    best = Alignment.AS_WRITTEN
-    if Alignment.FROM_ZERO in residual:
-        start = {option: float(np.sqrt(np.nanmean(residual[option][0] ** 2))) for option in residual}
-        if start[Alignment.FROM_ZERO] < min(start[best] - START_SIGMAS, START_SHARE * start[best]):
-            best = Alignment.FROM_ZERO
     if Alignment.SAME_ROW in residual:
         # The absolute value, so that one point that the model misses does not decide.
         size = {option: float(np.nanmean(np.abs(residual[option]))) for option in residual}
-        other = min(value for option, value in size.items() if option is not Alignment.SAME_ROW)
+        other = size[Alignment.AS_WRITTEN]
         if size[Alignment.SAME_ROW] < min(SHIFT_SHARE * other, other - SHIFT_SIGMAS):
-            best = Alignment.SAME_ROW
-    return best
+            return Alignment.SAME_ROW
+    if Alignment.FROM_ZERO in residual:
+        start = {option: float(np.sqrt(np.nanmean(residual[option][0] ** 2))) for option in residual}
+        other = start[Alignment.AS_WRITTEN]
+        if start[Alignment.FROM_ZERO] < min(START_SHARE * other, other - START_SIGMAS):
+            return Alignment.FROM_ZERO
+    return Alignment.AS_WRITTEN
 
 
 def is_table(run: Run) -> bool:
