@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 from evergym.discrepancy.candidates import Candidate
 from evergym.discrepancy.fit import Fit, solve_normal
 from evergym.discrepancy.predict import Predictor
+from evergym.discrepancy.space import Space
 
-__all__ = ["Signature", "group_equivalent", "screen_candidates"]
+__all__ = ["Projector", "Signature", "group_equivalent", "screen_candidates", "search_strength", "simulate_change"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 STRETCH = (0.2, 4.0)
 """A signature taken at one strength stands for strengths between these multiples of it."""
+SEARCH = ((0.4, 1.0, 2.5), (0.65, 1.5))
+"""Multiples of the strength that are tried before a fit, round by round."""
 COSINE_MIN = 0.95
 """Signatures closer than this are one class: these runs cannot tell them apart."""
 
@@ -44,8 +47,13 @@ class Signature:
     gain: float
 
 
-class _Projector:
-    """Solves for the nominal parameters beside an added column."""
+class Projector:
+    """Solves for the nominal parameters beside an added column.
+
+    Args:
+        fit: The recalibrated model, or one with effects in already.
+        use: Samples that may be looked at, (n,).
+    """
 
     def __init__(self, fit: Fit, use: Mask) -> None:
         self.jacobian = fit.jacobian[use]
@@ -62,6 +70,10 @@ class _Projector:
         step = np.linalg.solve(self.normal + np.diag(self.precision + 1e-9), self.jacobian.T @ part)
         out: Array = column - self.fit.jacobian @ step
         return out
+
+    def exact_gain(self, column: Array) -> float:
+        """Return by how much the cost falls with the column as it is."""
+        return self.cost - self._cost(self.residual - column[self.use])
 
     def gain(self, column: Array) -> tuple[float, float]:
         """Return by how much the cost falls with the column times its best stretch, and that stretch."""
@@ -90,16 +102,14 @@ def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Cand
         candidates: Effects that may be missing.
         use: Samples that may be looked at, (n,).
     """
-    projector = _Projector(base, use)
+    projector = Projector(base, use)
     size = base.space.size
     signatures = []
     for candidate in candidates:
         space = base.space.extend(candidate.axes, candidate.fixed)
         best: Signature | None = None
         for start in candidate.starts:
-            z = np.concatenate((base.z, start))
-            change = predictor.predict(space.setting(z)) - base.prediction
-            column = predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0))
+            column = simulate_change(predictor, base, space, np.array(start))
             norm = float(np.linalg.norm(column[use]))
             if norm < 1e-3:
                 continue
@@ -115,6 +125,35 @@ def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Cand
         if best is not None:
             signatures.append(best)
     return sorted(signatures, key=lambda signature: -signature.gain)
+
+
+def simulate_change(predictor: Predictor, base: Fit, space: Space, start: Array) -> Array:
+    """Return the whitened change of the prediction from ``base`` to the added unknowns at ``start``, (n,)."""
+    change = predictor.predict(space.setting(np.concatenate((base.z, start)))) - base.prediction
+    return predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0))
+
+
+def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: Mask) -> Array:
+    """Return the start of a fit, (m,): the strength along the signature that takes most off the residual.
+
+    Growth that stalls or a tendon that goes slack depend on the strength by leaps, over which no gradient leads.
+    """
+    projector = Projector(base, use)
+    candidate = signature.candidate
+    space = base.space.extend(candidate.axes, candidate.fixed)
+    limits = space.limits_of(base.space.size)
+    amplitude = np.array([axis.path in candidate.amplitudes for axis in candidate.axes], dtype=bool)
+    best, most = signature.start, -np.inf
+    if not amplitude.any():
+        return best
+    for factors in SEARCH:
+        centre = best.copy()
+        for factor in factors:
+            start = np.clip(np.where(amplitude, factor * centre, centre), *limits)
+            gain = projector.exact_gain(simulate_change(predictor, base, space, start))
+            if gain > most:
+                best, most = start, gain
+    return best
 
 
 def group_equivalent(signatures: Sequence[Signature], use: Mask) -> dict[str, list[str]]:

@@ -13,7 +13,7 @@ from evergym.discrepancy.candidates import Candidate
 from evergym.discrepancy.cross_validate import CrossValidation, cross_validate
 from evergym.discrepancy.fit import Fit, fit_space
 from evergym.discrepancy.predict import Predictor
-from evergym.discrepancy.screen import Signature
+from evergym.discrepancy.screen import Signature, search_strength
 
 __all__ = ["Score", "Split", "fit_candidates", "score_fit"]
 
@@ -100,5 +100,5 @@ def _fit_candidate(predictor: Predictor, base: Fit, signature: Signature, use: M
     space = base.space.extend(candidate.axes, candidate.fixed)
     new = list(range(base.space.size, space.size))
     jacobian = np.concatenate((base.jacobian, np.zeros((len(base.residual), len(new)))), axis=1)
-    start = np.concatenate((base.z, signature.start))
+    start = np.concatenate((base.z, search_strength(predictor, base, signature, use)))
     return fit_space(predictor, space, start, use, jacobian=jacobian, refresh=new, iterations=ITERATIONS)
