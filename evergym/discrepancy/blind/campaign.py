@@ -33,6 +33,7 @@ TIME_LIMIT_S = 1800.0
 SEALING_BATCH = 6
 """Cases sealed by one process: starting one takes as long as a case."""
 ENGINE = "evergym.discrepancy.diagnose"
+BASELINES = "evergym.discrepancy.blind.baselines"
 SEALER = "evergym.discrepancy.blind.seal"
 INHERITED = (
     "PATH",
@@ -48,7 +49,7 @@ INHERITED = (
 """Of the environment, what a diagnosing process needs; it gets nothing else."""
 
 
-def run_campaign(folder: Path, cases: int, seed: int, workers: int = 0) -> list[CaseScore]:
+def run_campaign(folder: Path, cases: int, seed: int, workers: int = 0, baselines: bool = True) -> list[CaseScore]:
     """Seal, diagnose and score what is not there yet.
 
     Args:
@@ -56,6 +57,7 @@ def run_campaign(folder: Path, cases: int, seed: int, workers: int = 0) -> list[
         cases: Number of cases.
         seed: Of all draws.
         workers: Processes at once; 0: one per core.
+        baselines: Run the baselines as well.
 
     Raises:
         ConfigError: No case is asked for.
@@ -73,28 +75,39 @@ def run_campaign(folder: Path, cases: int, seed: int, workers: int = 0) -> list[
     engine = _find_digest(ENGINE)
     undone = [[case] for case in all_cases if not _is_done(case, engine)]
     _map("diagnosing", lambda group: diagnose_case(group[0], engine), undone, count, len(undone))
+    if baselines:
+        # Data that the diagnosis has refused are no data for a baseline either.
+        plain = [[case] for case in all_cases if not case.baselines.is_file() and read_json(case.outcome)["exit"] == 0]
+        _map("baselines", lambda group: _run_baselines(group[0]), plain, count, len(plain))
     return load_scores(folder, cases)
 
 
-def load_scores(folder: Path, cases: int | None = None) -> list[CaseScore]:
+def load_scores(folder: Path, cases: int | None = None, baseline: str = "") -> list[CaseScore]:
     """Return the scores of all cases of a campaign that have been diagnosed.
+
+    Args:
+        folder: The campaign's.
+        cases: Only so many of them.
+        baseline: Score this baseline instead of the diagnosis; bad data are left out then.
 
     Raises:
         RunError: The folder holds no diagnosed case.
     """
     found = sorted(int(path.parent.name.rpartition("-")[2]) for path in folder.glob("results/case-*/outcome.json"))
-    scores = []
-    for index in found:
-        if cases is not None and index >= cases:
-            continue
-        case = CaseFolders(folder, index)
-        report = case.diagnosis / "diagnosis.json"
-        diagnosis = read_json(report) if report.is_file() else None
-        scores.append(score_case(index, read_json(case.truth), read_json(case.outcome), diagnosis))
-    if not scores:
+    if not found:
         raise RunError(
             f"'{folder}' holds no diagnosed case of a blind campaign. Run evergym blind --out {folder} first."
         )
+    scores = []
+    for case in (CaseFolders(folder, index) for index in found if cases is None or index < cases):
+        truth = read_json(case.truth)
+        if not baseline:
+            report = case.diagnosis / "diagnosis.json"
+            said = read_json(report) if report.is_file() else None
+            scores.append(score_case(case.index, truth, read_json(case.outcome), said))
+        elif case.baselines.is_file() and not truth["fault"]:
+            said = read_json(case.baselines)[baseline]
+            scores.append(score_case(case.index, truth, {"seconds": 0.0, "message": ""}, said))
     return scores
 
 
@@ -106,12 +119,14 @@ def diagnose_case(case: CaseFolders, engine: str) -> None:
         shutil.copyfile(case.public / "model.toml", bench / "model.toml")
         words = ["diagnose", "dataset", "--model", "model.toml", "--out", "out"]
         start = time.monotonic()
-        code, output, message = _call(words, bench)
+        code, output, message = _call("evergym.agents.cli", words, bench)
         seconds = time.monotonic() - start
         out = bench / "out"
         written = sorted(path.name for path in out.iterdir()) if out.is_dir() else []
         if written:
             shutil.copytree(out, draft / case.diagnosis.name)
+        if case.baselines.is_file():  # they know nothing of the engine, so they stay as they are
+            shutil.copyfile(case.baselines, draft / case.baselines.name)
         (draft / "stdout.txt").write_text(output, encoding="utf-8")
         (draft / "stderr.txt").write_text(message, encoding="utf-8")
         write_json(
@@ -120,11 +135,19 @@ def diagnose_case(case: CaseFolders, engine: str) -> None:
         )
 
 
-def _call(words: Sequence[str], place: Path) -> tuple[int, str, str]:
+def _run_baselines(case: CaseFolders) -> None:
+    words = [str(case.public / "dataset"), str(case.public / "model.toml"), str(case.baselines)]
+    code, _, message = _call(BASELINES, words, case.result)
+    if code != 0:
+        last = (message.strip().splitlines() or ["no message"])[-1]
+        raise RunError(f"The baselines failed on case {case.index}: {last}")
+
+
+def _call(module: str, words: Sequence[str], place: Path) -> tuple[int, str, str]:
     environment = {name: os.environ[name] for name in INHERITED if name in os.environ}
     # As many cases run at once as there are cores: a diagnosis that starts threads of its own would only be in the way.
     environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-    arguments = [sys.executable, "-m", "evergym.agents.cli", *words]
+    arguments = [sys.executable, "-m", module, *words]
     process = subprocess.Popen(  # noqa: S603  (this interpreter, words of our own)
         arguments, cwd=place, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from evergym.discrepancy.blind.campaign import load_scores, run_campaign
 from evergym.discrepancy.blind.folders import write_json
-from evergym.discrepancy.blind.summary import print_summary, summarise_scores
+from evergym.discrepancy.blind.summary import BASELINES, BlindSummary, print_baselines, print_summary, summarise_scores
 
 __all__ = ["Blind"]
 
@@ -31,20 +31,31 @@ class Blind:
     """Print the results as JSON."""
     workers: int = 0
     """Cases at once (0: one per core)."""
+    baselines: bool = True
+    """Run simpler methods on the same data, too."""
     pool: tuple[Path, ...] = ()
     """Run nothing: pool the results of these campaigns' folders."""
 
     def run(self) -> int:
         """Run the campaign and print its table."""
-        if self.pool:
-            scores = [score for folder in self.pool for score in load_scores(folder)]
-        else:
-            scores = run_campaign(self.out, self.cases, self.seed, self.workers)
-        summary = summarise_scores(scores)
         if not self.pool:
-            write_json(summary.to_json(), self.out / "summary.json")
+            run_campaign(self.out, self.cases, self.seed, self.workers, self.baselines)
+        folders, cases = (self.pool, None) if self.pool else ((self.out,), self.cases)
+
+        def summarise(baseline: str = "") -> BlindSummary:
+            return summarise_scores([score for folder in folders for score in load_scores(folder, cases, baseline)])
+
+        summary = summarise()
+        simpler = {name: summarise(name) for name in BASELINES} if self.baselines else {}
+        content = {
+            **summary.to_json(),
+            "baselines": {name: other.describe_briefly() for name, other in simpler.items()},
+        }
+        if not self.pool:
+            write_json(content, self.out / "summary.json")
         if self.json:
-            print(json.dumps(summary.to_json(), indent=1))
+            print(json.dumps(content, indent=1))
         else:
             print_summary(summary)
+            print_baselines(summary, {name: other for name, other in simpler.items() if other.cases})
         return 0

@@ -79,18 +79,18 @@ class Recalibration:
         self.residual = residual
         self.jacobian = jacobian
         self.nominals = nominals
-        self._used = used
+        self.used = used
 
     def project(self, signals: Sequence[Array]) -> list[Array]:
         """Return what of a signature [sigma] the nominals cannot absorb, in the shape of the runs."""
         stacked = np.concatenate([signal.ravel() for signal in signals])
-        target = stacked[self._used]
+        target = stacked[self.used]
         # Within tolerances, as priors: a nominal that would have to move far cannot absorb it.
         count = self.jacobian.shape[1]
         system = np.vstack((self.jacobian, np.eye(count)))
         solution = np.linalg.lstsq(system, np.concatenate((target, np.zeros(count))), rcond=None)[0]
         left = np.full_like(stacked, np.nan)
-        left[self._used] = target - self.jacobian @ solution
+        left[self.used] = target - self.jacobian @ solution
         edges = np.cumsum([signal.size for signal in signals])[:-1]
         return [a.reshape(b.shape) for a, b in zip(np.split(left, edges), signals, strict=True)]
 

@@ -45,6 +45,11 @@ class CaseFolders:
         return self.result / "outcome.json"
 
     @property
+    def baselines(self) -> Path:
+        """What the baselines say."""
+        return self.result / "baselines.json"
+
+    @property
     def diagnosis(self) -> Path:
         """What the diagnosis wrote."""
         return self.result / "out"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from evergym.discrepancy.blind.rates import Rate, compute_rate
 from evergym.discrepancy.blind.score import CaseScore
 from evergym.discrepancy.blind.truth import Kind
 
-__all__ = ["BlindSummary", "print_summary", "summarise_scores"]
+__all__ = ["BASELINES", "BlindSummary", "print_baselines", "print_summary", "summarise_scores"]
 
 BARS = {
     "top1": "at least 90 %",
@@ -50,6 +50,19 @@ MEANINGS = {
     "failed": "diagnosis ended without a result",
     "seconds_per_case": "seconds per diagnosis, mean",
 }
+
+
+BASELINES = {
+    "recalibrate_only": "refit the nominals, name nothing",
+    "nominal_fixed": "the effect that explains most, nominals as given",
+    "independent_bic": "the effect with the best BIC, nominals free, samples taken for independent",
+    "gaussian_process": "learn the residual, name nothing",
+    "random_name": "any effect that is off",
+}
+"""Every baseline by name."""
+
+COMPARED = ("top1", "false_alarm", "outside_abstained", "outside_confident_wrong", "two_both", "two_extra")
+"""Rates in which the baselines are compared with the diagnosis."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +102,11 @@ class BlindSummary:
                 for row in (score.to_json() for score in self.scores)
             ],
         }
+
+    def describe_briefly(self) -> dict[str, Any]:
+        """Return what a baseline is compared by."""
+        rates = {name: self.rates[name].to_json() for name in COMPARED if name in self.rates}
+        return {"cases": self.cases, **rates, "gap_ratio_median": self.gap_ratio_median}
 
 
 def summarise_scores(scores: Sequence[CaseScore]) -> BlindSummary:
@@ -138,15 +156,34 @@ def print_summary(summary: BlindSummary, console: Console | None = None) -> None
         for kind, entry in summary.kinds.items()
     )
     table = Table(title=f"Blind campaign: {summary.cases} cases: {counts}")
-    table.add_column("measure")
+    table.add_column("measure", no_wrap=True)
+    table.add_column("result (95 % Wilson interval)", no_wrap=True)
+    table.add_column("bar", no_wrap=True)
     table.add_column("meaning")
-    table.add_column("result (95 % Wilson interval)")
-    table.add_column("bar")
     for name, meaning in MEANINGS.items():
         if name in summary.rates:
             result = summary.rates[name].describe()
         else:
             value = getattr(summary, name)
             result = "no cases" if value is None else f"{value:g}"
-        table.add_row(name, meaning, result, BARS.get(name, ""))
+        table.add_row(name, result, BARS.get(name, ""), meaning)
+    console.print(table)
+
+
+def print_baselines(
+    summary: BlindSummary, baselines: Mapping[str, BlindSummary], console: Console | None = None
+) -> None:
+    """Print the diagnosis and the baselines side by side."""
+    if not baselines:
+        return
+    console = Console() if console is None else console
+    table = Table(title="Beside simpler methods on the same cases (a baseline's name counts as confident)")
+    table.add_column("method")
+    for name in (*COMPARED, "gap_ratio_median"):
+        table.add_column(name)
+    for method, other in {"diagnosis": summary, **baselines}.items():
+        rates = [other.rates[name].rate for name in COMPARED]
+        gap = other.gap_ratio_median
+        cells = ["-" if rate is None else f"{rate:.0%}" for rate in rates]
+        table.add_row(method, *cells, "-" if gap is None else f"{gap:.2f}")
     console.print(table)
