@@ -54,6 +54,11 @@ class Recorder:
         self._channels = [convert_reading(simulator, reading)]
         self._advance = simulator.advance
 
+    @property
+    def sample_count(self) -> int:
+        """Samples so far, with the one at the reset."""
+        return len(self._time)
+
     def advance(self, command: Command, duration: float) -> Reading:
         """Advance the simulator under a held command and record it; see `Simulator.advance`."""
         parts = 1 if self.period is None else max(1, math.ceil(duration / self.period - 1e-9))

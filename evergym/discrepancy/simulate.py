@@ -10,26 +10,23 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import convert_reading, read_pressure_bias
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.playback import Playback, make_command
 from evergym.discrepancy.rig import choose_numerics, refine_for_contact
-from evergym.discrepancy.schedule import REST_FACTOR, Step, plan_steps
+from evergym.discrepancy.schedule import Step, plan_steps
 from evergym.discrepancy.surroundings import open_world
 from evergym.errors import SimulationDiverged
 from evergym.model import Model, Numerics
-from evergym.simulator import Command, Reading, Simulator
-from evergym.units import DEG, KPA, MM
+from evergym.simulator import Simulator
 
 if TYPE_CHECKING:
     from evergym.discrepancy.hook import Hook
 
-__all__ = ["Prediction", "advance_held", "fit_damping", "make_command", "simulate_run", "try_simulate_run"]
+__all__ = ["Prediction", "fit_damping", "make_command", "simulate_run", "try_simulate_run"]
 
 Array = NDArray[np.float64]
 
-SETTLING_STEPS = 4
-"""Steps after a change of the command that are not lengthened."""
 CORNER_SHARE = 5e-4
 """Largest error of the tip and the everted length by interpolation within a joined step, over the tip's distance."""
 CORNER_DEG = 0.1
@@ -73,46 +70,23 @@ def try_simulate_run(
     return Prediction(channels, "")
 
 
-def make_command(row: Array, pressure_bias: float = 0.0) -> Command:
-    """Return the command [SI] of a row of `Run.commands`; the regulator controls what the gauge reads."""
-    insertion, tail, roll, pull, pressure, *load = row.tolist()
-    return Command(
-        insertion_velocity=insertion * MM,
-        tail_feed_velocity=None if tail != tail else tail * MM,
-        roll=roll * DEG,
-        tendon_pull=pull * MM,
-        pressure=(pressure - pressure_bias) * KPA,
-        tip_load=(load[0], load[1], load[2]),
-    )
-
-
 def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Sequence[Hook]) -> None:
     """Overwrite ``channels`` row by row, so that those before a failure stand."""
     if run.environment != "free":
         numerics = refine_for_contact(model, numerics)
     simulator = Simulator(fit_damping(model, run, numerics.step_s), open_world(run), numerics, run.setup)
-    bias = read_pressure_bias(simulator)
-    first = make_command(run.commands[0], bias)
-    for hook in hooks:
-        hook.reset(run)
-    reading = simulator.reset(
-        everted_length=run.initial_everted_length_mm * MM,
-        pressure=first.pressure,
-        tendon_pull=first.tendon_pull,
-        roll=first.roll,
-    )
+    playback = Playback(simulator, run, hooks)
     time = run.time_s
-    channels[0] = _read(simulator, reading, run, hooks, float(time[0]))
+    channels[0] = playback.start()
     for step in plan_steps(run, numerics.step_s):
         joined = step.last > step.first + 1
         snapshot = simulator.save() if joined and not hooks else None
-        reading = _advance(simulator, reading, step, make_command(step.command, bias), float(time[step.first]), hooks)
-        channels[step.last] = _read(simulator, reading, run, hooks, float(time[step.last]))
+        channels[step.last] = playback.play(step)
         if snapshot is not None and _hides_corner(channels, time, step):
             simulator.restore(snapshot)
             for row in range(step.first, step.last):
-                reading = simulator.advance(make_command(run.commands[row], bias), float(time[row + 1] - time[row]))
-                channels[row + 1] = convert_reading(simulator, reading, run.signed_angles)
+                duration = float(time[row + 1] - time[row])
+                channels[row + 1] = playback.play(Step(row, row + 1, duration, run.commands[row], step.rests))
         elif joined:
             share = ((time[step.first + 1 : step.last] - time[step.first]) / step.duration)[:, None]
             channels[step.first + 1 : step.last] = (1.0 - share) * channels[step.first] + share * channels[step.last]
@@ -130,52 +104,6 @@ def _hides_corner(channels: Array, time: Array, step: Step) -> bool:
     bend = np.abs(end - start - expected)
     length = max(float(np.linalg.norm(start[:3])), 1.0)
     return bool(bend[_LENGTHS].max() > 4.0 * CORNER_SHARE * length or bend[_ANGLES].max() > 4.0 * CORNER_DEG)
-
-
-def _advance(
-    simulator: Simulator, reading: Reading, step: Step, command: Command, start: float, hooks: Sequence[Hook]
-) -> Reading:
-    if not hooks:
-        return advance_held(simulator, command, step.duration, step.rests)
-    # A user's effect may have a time of its own: it is asked as often as the simulator steps.
-    parts = math.ceil(step.duration / simulator.numerics.step_s - 1e-9)
-    dt = step.duration / parts
-    for part in range(parts):
-        changed = command
-        for hook in hooks:
-            changed = hook.transform_command(start + part * dt, dt, changed, reading)
-        reading = simulator.advance(changed, dt)
-    return reading
-
-
-def _read(simulator: Simulator, reading: Reading, run: Run, hooks: Sequence[Hook], time: float) -> Array:
-    row = convert_reading(simulator, reading, run.signed_angles)
-    for hook in hooks:
-        row = hook.transform_channels(time, row)
-    return row
-
-
-def advance_held(simulator: Simulator, command: Command, duration: float, rests: bool) -> Reading:
-    """Advance under a held command; what has come to rest in free space is followed in longer steps.
-
-    Args:
-        simulator: At the start.
-        command: Held for the duration.
-        duration: [s].
-        rests: The command has been the same before.
-    """
-    numerics = simulator.numerics
-    settling = 0.0 if rests else SETTLING_STEPS * numerics.step_s
-    world = simulator.world
-    if duration <= settling or world.wall is not None or len(world.pegs):
-        return simulator.advance(command, duration)
-    if settling > 0.0:
-        simulator.advance(command, settling)
-    simulator.numerics = dataclasses.replace(numerics, step_s=REST_FACTOR * numerics.step_s)
-    try:
-        return simulator.advance(command, duration - settling)
-    finally:
-        simulator.numerics = numerics
 
 
 def fit_damping(model: Model, run: Run, step_s: float) -> Model:
