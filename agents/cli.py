@@ -32,7 +32,17 @@ COMMANDS = {
     "rollout": CommandEntry("evergym.agents.rollout", "Rollout", "run one episode and show it"),
     "tune": CommandEntry("evergym.agents.tuning", "Tune", "tune the duty cycle on training anatomies"),
     "bench": CommandEntry("evergym.agents.bench", "Bench", "measure the simulator's speed and accuracy"),
+    "scenario": CommandEntry("evergym.agents.scenarios", "Scenario", "run the deployments of the paper's Fig. 12"),
     "soak": CommandEntry("evergym.agents.soak", "Soak", "run random and adversarial actions for a long time"),
+    "dataset check": CommandEntry("evergym.discrepancy.commands", "DatasetCheck", "check measured runs"),
+    "dataset show": CommandEntry("evergym.discrepancy.commands", "DatasetShow", "draw measured runs"),
+    "dataset export-paper": CommandEntry(
+        "evergym.discrepancy.commands", "DatasetExportPaper", "write the paper's figures as measured runs"
+    ),
+    "diagnose": CommandEntry("evergym.agents.diagnose", "Diagnose", "find what a model lacks, from measured runs"),
+    "blind": CommandEntry(
+        "evergym.discrepancy.blind.command", "Blind", "test the diagnosis on data in which an effect is hidden"
+    ),
     "duct make": CommandEntry("evergym.duct_models.commands", "DuctMake", "make ducts of a family, or from a mesh"),
     "duct check": CommandEntry("evergym.duct_models.commands", "DuctCheck", "check a mesh of your own"),
     "duct show": CommandEntry("evergym.duct_models.commands", "DuctShow", "draw a duct"),
@@ -106,7 +116,8 @@ def _exists(module: str) -> bool:
 
 def _describe(commands: dict[str, CommandEntry]) -> str:
     lines = ["usage: evergym <command> [options]", "", "commands:"]
-    lines += [f"  {name:<12}{entry.summary}" for name, entry in commands.items()]
+    width = max(map(len, commands), default=0) + 2
+    lines += [f"  {name:<{width}}{entry.summary}" for name, entry in commands.items()]
     return "\n".join([*lines, "", "evergym <command> --help lists the options of a command."])
 
 

@@ -1,0 +1,58 @@
+"""The command ``evergym diagnose``: what does the model lack, according to measured runs?"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import tyro
+
+from evergym.agents.progress import ProgressReport
+from evergym.errors import ConfigError
+
+__all__ = ["Diagnose"]
+
+UNITS = 1000
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnose:
+    """Find what a model lacks: compare it with measured runs, name the missing effect, and write a corrected model."""
+
+    dataset: tyro.conf.Positional[Path]
+    """Folder with dataset.toml and samples.csv."""
+    model: str = "mammobot_2023"
+    """Model file, or the name of a shipped model."""
+    out: Path | None = None
+    """Folder for diagnosis.json, report.html and model.toml (None: diagnosis/ in the dataset's folder)."""
+    effects: Path | None = None
+    """Python file with effects of your own that join the candidates."""
+    json: bool = False
+    """Print diagnosis.json instead of sentences."""
+
+    def run(self) -> int:
+        """Diagnose and write the results; returns the exit code."""
+        from evergym.discrepancy.diagnose import diagnose
+        from evergym.discrepancy.words import describe_gap, describe_verdict, describe_where
+
+        out = self.dataset / "diagnosis" if self.out is None else self.out
+        if out.exists() and not out.is_dir():
+            raise ConfigError(f"'{out}' is a file; the results need a folder. Choose another --out.")
+        with ProgressReport("Diagnosis", UNITS, unit="parts") as progress:
+            diagnosis = diagnose(
+                self.dataset,
+                self.model,
+                out,
+                self.effects,
+                on_stage=lambda what, share: progress.update(int(share * UNITS), what),
+            )
+        if self.json:
+            print((out / "diagnosis.json").read_text(encoding="utf-8"), end="")
+            return 0
+        for sentence in (describe_verdict(diagnosis), describe_where(diagnosis), describe_gap(diagnosis)):
+            print(sentence)
+        for effect in diagnosis.effects:
+            for interval in diagnosis.parameters[effect.name]:
+                print(f"  {interval.path} = {interval.estimate:.4g} ({interval.low_90:.4g} to {interval.high_90:.4g})")
+        print(f"Results: {out}")
+        return 0

@@ -1,0 +1,61 @@
+"""The command ``evergym blind``."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from evergym.discrepancy.blind.campaign import load_scores, run_campaign
+from evergym.discrepancy.blind.folders import write_json
+from evergym.discrepancy.blind.summary import BASELINES, BlindSummary, print_baselines, print_summary, summarise_scores
+
+__all__ = ["Blind"]
+
+
+@dataclass(frozen=True)
+class Blind:
+    """Test the diagnosis on data in which an effect is hidden, and print how often it is right.
+
+    Every case is drawn from the seed: one effect, two, none, one outside the library, or bad data. The truth is kept
+    from the diagnosis until that has ended. A campaign that was stopped goes on when it is started again.
+    """
+
+    cases: int = 60
+    """Number of cases; of every twelve, four have one effect, two have two, none, an unknown one or bad data."""
+    seed: int = 0
+    """Seed of all draws; rates count only on seeds that nobody developed on."""
+    out: Path = Path("runs/blind")
+    """Folder of the campaign."""
+    json: bool = False
+    """Print the results as JSON."""
+    workers: int = 0
+    """Cases at once (0: one per core)."""
+    baselines: bool = True
+    """Run simpler methods on the same data, too."""
+    pool: tuple[Path, ...] = ()
+    """Run nothing: pool the results of these campaigns' folders."""
+
+    def run(self) -> int:
+        """Run the campaign and print its table."""
+        if not self.pool:
+            run_campaign(self.out, self.cases, self.seed, self.workers, self.baselines)
+        folders, cases = (self.pool, None) if self.pool else ((self.out,), self.cases)
+
+        def summarise(baseline: str = "") -> BlindSummary:
+            return summarise_scores([score for folder in folders for score in load_scores(folder, cases, baseline)])
+
+        summary = summarise()
+        simpler = {name: summarise(name) for name in BASELINES} if self.baselines else {}
+        content = {
+            **summary.to_json(),
+            "baselines": {name: other.describe_briefly() for name, other in simpler.items()},
+        }
+        if not self.pool:
+            write_json(content, self.out / "summary.json")
+        if self.json:
+            print(json.dumps(content, indent=1))
+        else:
+            print_summary(summary)
+            print_baselines(summary, {name: other for name, other in simpler.items() if other.cases})
+        return 0

@@ -1,0 +1,129 @@
+"""Recalibrate the model's nominal parameters within their tolerances, and say which of them the runs determine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.discrepancy.fit import Fit, compute_jacobian, fit_space
+from evergym.discrepancy.nominals import find_nominals
+from evergym.discrepancy.predict import Predictor, Setting
+from evergym.discrepancy.space import Space
+
+__all__ = ["Calibration", "ParameterEstimate", "Sensitivity", "calibrate", "find_sensitivity", "refine"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SILENT = 0.3
+"""A parameter whose tolerance moves all samples together by less than this many sigma is left at its nominal value."""
+LEARNT_SHARE = 0.5
+"""A parameter counts as identifiable if the runs shrink its uncertainty to this share of its tolerance."""
+BROYDEN_ITERATIONS = 6
+PRECISE_ITERATIONS = 4
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """A recalibrated parameter, in its unit of the model file."""
+
+    path: str
+    nominal: float
+    estimate: float
+    tolerance: float
+    sigma: float
+    """One standard deviation after the fit."""
+    identifiable: bool
+    at_limit: bool
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What the nominal parameters do to these runs; nothing that was measured enters.
+
+    Attributes:
+        space: The parameters that the runs can feel.
+        nominal: Prediction of the model as given [channel's unit], (n,).
+        jacobian: Change of the whitened prediction by one tolerance of each, (n, m).
+        silent: Parameters that change nothing in these runs.
+    """
+
+    space: Space
+    nominal: Array
+    jacobian: Array
+    silent: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The model with recalibrated nominal parameters.
+
+    Attributes:
+        fit: The fit; its space holds the parameters that the runs can feel.
+        nominal: Prediction of the model as given [channel's unit], (n,).
+        silent: Parameters that change nothing in these runs.
+    """
+
+    fit: Fit
+    nominal: Array
+    silent: tuple[str, ...]
+
+    def estimates(self, fit: Fit | None = None) -> list[ParameterEstimate]:
+        """Return the nominal parameters as found by this calibration, or by a fit that extends it."""
+        fit = self.fit if fit is None else fit
+        count = self.fit.space.size
+        precision = np.diag(fit.space.prior_precision + 1e-9)
+        covariance = np.linalg.inv(fit.jacobian.T @ fit.jacobian + precision) if fit.space.size else np.zeros((0, 0))
+        low, high = fit.space.limits
+        out = []
+        for i, axis in enumerate(fit.space.axes[:count]):
+            sigma = float(np.sqrt(covariance[i, i]))
+            z = float(fit.z[i])
+            at_limit = z <= low[i] + 1e-6 or z >= high[i] - 1e-6
+            out.append(
+                ParameterEstimate(
+                    axis.path,
+                    axis.origin,
+                    axis.value(z),
+                    axis.scale,
+                    sigma * axis.scale,
+                    sigma < LEARNT_SHARE,
+                    at_limit,
+                )
+            )
+        return out
+
+
+def find_sensitivity(predictor: Predictor, setting: Setting) -> Sensitivity:
+    """Simulate every nominal parameter one step off; what the runs do not feel is left out from here on."""
+    space = Space(setting, tuple(find_nominals(setting.model, predictor.dataset.runs)))
+    start = np.zeros(space.size)
+    nominal = predictor.predict(setting)
+    jacobian = compute_jacobian(predictor, space, start, list(range(space.size)))
+    loud = np.linalg.norm(jacobian, axis=0) >= SILENT
+    silent = tuple(axis.path for axis, heard in zip(space.axes, loud, strict=True) if not heard)
+    space = replace(space, axes=tuple(axis for axis, heard in zip(space.axes, loud, strict=True) if heard))
+    return Sensitivity(space, nominal, np.ascontiguousarray(jacobian[:, loud]), silent)
+
+
+def calibrate(predictor: Predictor, sensitivity: Sensitivity, use: Mask) -> Calibration:
+    """Fit the nominal parameters to the samples ``use``."""
+    space = sensitivity.space
+    fit = fit_space(
+        predictor,
+        space,
+        np.zeros(space.size),
+        use,
+        jacobian=sensitivity.jacobian,
+        refresh=[],
+        iterations=BROYDEN_ITERATIONS,
+    )
+    return Calibration(refine(predictor, fit, use), sensitivity.nominal, sensitivity.silent)
+
+
+def refine(predictor: Predictor, fit: Fit, use: Mask) -> Fit:
+    """Continue a fit from a Jacobian that is computed anew where it stands."""
+    jacobian = compute_jacobian(predictor, fit.space, fit.z, list(range(fit.space.size)))
+    return fit_space(predictor, fit.space, fit.z, use, jacobian=jacobian, refresh=[], iterations=PRECISE_ITERATIONS)

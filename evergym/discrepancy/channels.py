@@ -1,0 +1,68 @@
+"""What the bench's instruments read of a simulator: the measured channels, and the effects that sit in the sensors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.discrepancy.columns import CHANNELS
+from evergym.simulator import Reading, Simulator
+from evergym.units import DEG, KPA, MM
+
+__all__ = ["convert_reading", "measure_angle", "read_channels", "read_pressure_bias"]
+
+Array = NDArray[np.float64]
+
+
+def read_channels(simulator: Simulator, signed: bool = False) -> Array:
+    """Return what the instruments read now, in the channels' units, shape (9,), in the order of `CHANNELS`.
+
+    The free length is the robot's length outside the port. Angles are those between +z and the tangent at the tip, or
+    the chord from the port to the tip, 0 to 180 degrees; with ``signed`` they are seen along -y by a camera beside the
+    bench, positive towards +x, as in the paper's figures.
+
+    The sensor effects act here: `pressure_bias` shifts the gauge, `angle_quantisation` rounds the angles (and with them
+    the curvature, which is read as an angle).
+    """
+    return convert_reading(simulator, simulator.reading, signed)
+
+
+def convert_reading(simulator: Simulator, reading: Reading, signed: bool = False) -> Array:
+    """Return what the instruments read at ``reading``, which is the simulator's present one; see `read_channels`."""
+    state = simulator.state
+    free_length = float(state.length[: int(state.links[0])].sum())
+    tip_angle = measure_angle(reading.tip_direction, signed)
+    chord_angle = measure_angle(reading.tip_position, signed)
+    step = _read_effect(simulator, "angle_quantisation", "step_deg")
+    if step > 0.0:
+        tip_angle = round(tip_angle / step) * step
+        chord_angle = round(chord_angle / step) * step
+    channels = np.empty(len(CHANNELS))
+    channels[0:3] = reading.tip_position
+    channels[0:3] /= MM
+    channels[3] = reading.everted_length / MM
+    channels[4] = reading.growth_rate / MM
+    channels[5] = tip_angle * DEG / free_length
+    channels[6] = tip_angle
+    channels[7] = chord_angle
+    channels[8] = reading.pressure / KPA + read_pressure_bias(simulator)
+    return channels
+
+
+def measure_angle(direction: Array, signed: bool) -> float:
+    """Return the angle of a direction against +z [deg]; ``signed``: as seen along -y, positive towards +x."""
+    x, y, z = direction.tolist()
+    if signed:
+        return math.atan2(x, z) / DEG
+    return math.atan2(math.hypot(x, y), z) / DEG
+
+
+def read_pressure_bias(simulator: Simulator) -> float:
+    """Return what the gauge reads beyond the pressure in the sheath [kPa]."""
+    return _read_effect(simulator, "pressure_bias", "bias_kpa")
+
+
+def _read_effect(simulator: Simulator, effect: str, parameter: str) -> float:
+    return float(getattr(getattr(simulator.model.effects, effect, None), parameter, 0.0))

@@ -1,0 +1,223 @@
+"""Diagnose: find what a model lacks, in stages that each leave a result of their own.
+
+noise -> recalibration -> map of disagreement -> candidates -> screening -> fits -> verdict -> gap -> next experiment
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.discrepancy.calibrate import calibrate, find_sensitivity, refine
+from evergym.discrepancy.candidates import find_candidates
+from evergym.discrepancy.choose import choose_effects
+from evergym.discrepancy.dataset import Dataset, load_dataset
+from evergym.discrepancy.diagnosis import Diagnosis, write_json
+from evergym.discrepancy.evidence import Evidence
+from evergym.discrepancy.findings import describe_effects, list_candidates
+from evergym.discrepancy.gap import measure_gap
+from evergym.discrepancy.hold_out import choose_held_out
+from evergym.discrepancy.hook import UserEffect, load_user_effects
+from evergym.discrepancy.locate import Cell, locate
+from evergym.discrepancy.next_experiment import NextExperiment, choose_next
+from evergym.discrepancy.noise import NoiseModel, estimate_noise
+from evergym.discrepancy.predict import Predictor, Setting
+from evergym.discrepancy.profiles import list_profiles, to_columns
+from evergym.discrepancy.report import write_report
+from evergym.discrepancy.residual import Measurement
+from evergym.discrepancy.rig import apply_robot
+from evergym.discrepancy.screen import group_equivalent, screen_candidates
+from evergym.discrepancy.select import Score, Split, score_fit
+from evergym.discrepancy.verdict import Thresholds, Verdict, decide, is_excited, worst_cell
+from evergym.errors import ConfigError
+from evergym.model import Model, load_model, save_model
+
+__all__ = ["diagnose", "run_stages", "write_results"]
+
+Array = NDArray[np.float64]
+
+Stage = Callable[[str, float], None]
+"""Told what is being done, and the share of the whole that is done."""
+
+NEXT_FILE = "next.csv"
+
+
+def diagnose(
+    dataset_path: str | Path,
+    model_path: str | Path,
+    out: str | Path | None = None,
+    effects_file: str | Path | None = None,
+    on_stage: Stage | None = None,
+) -> Diagnosis:
+    """Find out what a model lacks, from measured runs.
+
+    Args:
+        dataset_path: Folder with ``dataset.toml`` and ``samples.csv``.
+        model_path: Model file, or the name of a shipped model.
+        out: Folder for ``diagnosis.json``, ``report.html`` and ``model.toml``; None: nothing is written.
+        effects_file: Python file with the user's own effects (`evergym.discrepancy.hook`).
+        on_stage: Told what is being done, and the share done.
+
+    Raises:
+        ConfigError: bad data or a bad model; nothing is written then.
+    """
+    model = load_model(model_path)
+    dataset = load_dataset(dataset_path, model.robot)
+    user = load_user_effects(effects_file) if effects_file is not None else ()
+    evidence = run_stages(dataset, model, user, on_stage=on_stage)
+    if out is not None:
+        write_results(evidence, Path(out))
+    return evidence.diagnosis
+
+
+def write_results(evidence: Evidence, out: Path) -> None:
+    """Write the files of a diagnosis into a folder; ``diagnosis.json`` comes last, so that it means "complete"."""
+    out.mkdir(parents=True, exist_ok=True)
+    save_model(evidence.diagnosis.model, out / "model.toml")
+    if evidence.upcoming is not None:
+        columns = to_columns(evidence.upcoming.profile.run)
+        with (out / NEXT_FILE).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(columns)
+            writer.writerows(zip(*columns.values(), strict=True))
+    write_report(evidence, out / "report.html")
+    write_json(evidence.diagnosis, out / "diagnosis.json")
+
+
+def run_stages(
+    dataset: Dataset,
+    model: Model,
+    user_effects: Sequence[UserEffect] = (),
+    thresholds: Thresholds | None = None,
+    on_stage: Stage | None = None,
+) -> Evidence:
+    """Run all stages of a diagnosis and return what each found."""
+    begin = time.monotonic()
+    thresholds = Thresholds() if thresholds is None else thresholds
+    tell: Stage = on_stage if on_stage is not None else _ignore
+    model = apply_robot(model, dataset)
+    if not dataset.channels:
+        raise ConfigError(f"{dataset.path}: no sample has a measurement. Fill at least one measured column.")
+
+    tell("noise", 0.0)
+    noise = estimate_noise(dataset)
+    measurement = Measurement(dataset, noise)
+    users = {effect.name: effect for effect in user_effects}
+    predictor = Predictor(dataset, measurement, users)
+
+    tell("recalibration", 0.02)
+    sensitivity = find_sensitivity(predictor, Setting(model))
+    split = split_samples(dataset, measurement, sensitivity.jacobian)
+    calibration = calibrate(predictor, sensitivity, split.use)
+    base = score_fit(predictor, calibration.fit, split, ())
+
+    def draw_map(score: Score) -> list[Cell]:
+        return map_disagreement(dataset, measurement, score, split)
+
+    cells = draw_map(base)
+
+    tell("screening", 0.25)
+    candidates = find_candidates(model, users)
+    signatures = screen_candidates(predictor, calibration.fit, candidates, split.use)
+    classes = group_equivalent(signatures, split.use)
+    excited = is_excited(signatures, thresholds)
+
+    tell("fits", 0.5)
+    chosen: Score = base
+    rivals: list[Score] = []
+    if worst_cell(cells) >= thresholds.cell_min:
+        chosen, rivals = choose_effects(predictor, base, signatures, candidates, split, thresholds, draw_map)
+    cells_after = draw_map(chosen)
+    verdict = decide(base, chosen, cells, cells_after, excited, thresholds)
+    if verdict not in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):
+        chosen, cells_after = base, cells
+
+    tell("intervals", 0.85)
+    everything = Split(np.ones(measurement.size, dtype=bool), tuple(range(len(measurement.experiments))), ())
+    final = score_fit(predictor, refine(predictor, chosen.fit, everything.use), everything, chosen.effects)
+    effects, parameters = describe_effects(base, chosen, final, rivals, classes, thresholds)
+    held_out = np.isin(measurement.experiment, split.held_out)
+    predictions = calibration.nominal, base.fit.prediction, chosen.fit.prediction
+    gap = measure_gap(dataset, measurement, held_out, *predictions) if held_out.any() else None
+
+    tell("next experiment", 0.92)
+    rows = list_candidates(base, candidates, signatures, rivals, excited)
+    upcoming = plan_next(
+        predictor, noise, model, chosen, rivals, [name for effect in effects[:1] for name in effect.equivalents]
+    )
+    corrected = final.fit.space.setting(final.fit.z).model
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        effects=effects,
+        parameters=parameters,
+        where=tuple(cells),
+        where_after=tuple(cells_after),
+        gap=gap,
+        calibration=tuple(calibration.estimates(final.fit)),
+        silent=calibration.silent,
+        candidates=tuple(rows),
+        next_experiment={"why": upcoming.why, "commands": NEXT_FILE} if upcoming else None,
+        rows_set_aside=dataset.set_aside,
+        simulations=predictor.simulations,
+        seconds=time.monotonic() - begin,
+        model=dataclasses.replace(corrected, name=f"{model.name}_corrected"),
+    )
+    tell("done", 1.0)
+    return Evidence(
+        dataset=dataset,
+        noise=noise,
+        measurement=measurement,
+        predictor=predictor,
+        split=split,
+        calibration=calibration,
+        base=base,
+        signatures=tuple(signatures),
+        classes=classes,
+        rivals=tuple(rivals),
+        chosen=chosen,
+        final=final,
+        upcoming=upcoming,
+        diagnosis=diagnosis,
+    )
+
+
+def split_samples(dataset: Dataset, measurement: Measurement, jacobian: Array) -> Split:
+    """Set whole experiments aside to judge by; the others choose and fit."""
+    held_out = choose_held_out(dataset, measurement, jacobian)
+    use = ~np.isin(measurement.experiment, held_out)
+    folds = tuple(i for i in range(len(measurement.experiments)) if i not in held_out)
+    return Split(use, folds, held_out)
+
+
+def map_disagreement(dataset: Dataset, measurement: Measurement, score: Score, split: Split) -> list[Cell]:
+    """Return where a fitted model and the measurements disagree, among the samples that it was fitted to."""
+    freedom = min(score.fit.space.size / max(int(split.use.sum()), 1), 0.5)
+    return locate(dataset, measurement, score.fit.prediction, score.fit.residual, freedom, split.use)
+
+
+def plan_next(
+    predictor: Predictor,
+    noise: NoiseModel,
+    model: Model,
+    chosen: Score,
+    rivals: Sequence[Score],
+    equivalents: Sequence[str],
+) -> NextExperiment | None:
+    """Return the experiment that separates the chosen effect from those that explain the data as well."""
+    fits = [rival.fit for rival in rivals if rival.effects[0].name in equivalents]
+    if not chosen.effects or not fits:
+        return None
+    best = next(rival for rival in rivals if rival.effects[0] is chosen.effects[0])
+    why = f"separates {chosen.effects[0].name} from {' and '.join(equivalents)}"
+    profiles = list_profiles(predictor.dataset, model.robot)
+    return choose_next(predictor, noise, profiles, best.fit, fits, why)
+
+
+def _ignore(what: str, share: float) -> None:
+    pass

@@ -1,0 +1,119 @@
+"""Measurements and predictions as vectors: which sample is which, and the same in units of independent unit noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.noise import NoiseModel, whitening_matrix
+
+__all__ = ["Measurement"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+BLOCK_MAX = 400
+"""Longest stretch that is whitened together; the noise of longer runs is taken as independent between stretches."""
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """The samples of one channel in one run (or in a stretch of it) that are whitened together."""
+
+    rows: Index
+    start: int
+    stop: int
+    whitening: Array
+
+
+class Measurement:
+    """All finite samples of a dataset as one vector of n values, ordered by run and channel.
+
+    Args:
+        dataset: The runs.
+        noise: Their noise.
+
+    Attributes:
+        value: Measured, in the channels' units, shape (n,).
+        sigma: Standard deviation of the noise of each, shape (n,).
+        run: Index of the run, (n,).
+        channel: Index in `CHANNELS`, (n,).
+        row: Sample within the run, (n,).
+        experiment: Index in ``experiments``, (n,).
+        experiments: Names, in the order of their first run.
+    """
+
+    def __init__(self, dataset: Dataset, noise: NoiseModel) -> None:
+        self.experiments = tuple(dict.fromkeys(run.experiment for run in dataset.runs))
+        self._segments: list[_Segment] = []
+        runs, channels, rows, sigma = [], [], [], []
+        known: dict[tuple[bytes, str], Array] = {}
+        stop = 0
+        for index, run in enumerate(dataset.runs):
+            for name in dataset.channels:
+                channel = CHANNELS.index(name)
+                finite = np.flatnonzero(np.isfinite(run.measured[:, channel]))
+                pieces = np.array_split(finite, max(1, int(np.ceil(len(finite) / BLOCK_MAX)))) if len(finite) else []
+                for piece in pieces:
+                    time = run.time_s[piece] - run.time_s[piece[0]]
+                    key = (np.round(time, 6).tobytes(), name)
+                    if key not in known:
+                        known[key] = whitening_matrix(noise.channels[name], time)
+                    start, stop = stop, stop + len(piece)
+                    self._segments.append(_Segment(piece, start, stop, known[key]))
+                    runs.append(np.full(len(piece), index))
+                    channels.append(np.full(len(piece), channel))
+                    rows.append(piece)
+                    sigma.append(np.full(len(piece), noise.channels[name].total))
+        self.run = _join(runs)
+        self.channel = _join(channels)
+        self.row = _join(rows)
+        self.sigma: Array = np.concatenate(sigma) if sigma else np.zeros(0)
+        index_of = {name: i for i, name in enumerate(self.experiments)}
+        of_run = np.array([index_of[run.experiment] for run in dataset.runs], dtype=np.int64)
+        self.experiment: Index = of_run[self.run]
+        self.value: Array = self.flatten([run.measured for run in dataset.runs])
+
+    @property
+    def size(self) -> int:
+        """Number of samples n."""
+        return len(self.run)
+
+    def flatten(self, tables: Sequence[Array]) -> Array:
+        """Return the values of per-run tables (k, 9) at the measured samples, shape (n,)."""
+        out = np.empty(self.size)
+        for segment in self._segments:
+            run, channel = self.run[segment.start], self.channel[segment.start]
+            out[segment.start : segment.stop] = tables[run][segment.rows, channel]
+        return out
+
+    def whiten(self, values: Array) -> Array:
+        """Return values (n,) or columns (n, m) in units of independent unit noise."""
+        out = np.empty_like(values)
+        for segment in self._segments:
+            out[segment.start : segment.stop] = segment.whitening @ values[segment.start : segment.stop]
+        return out
+
+    def scale(self, whitened: Array) -> Array:
+        """Return a whitened vector (n,) as it was before, in units of the standard deviation of each sample's noise."""
+        out = np.empty_like(whitened)
+        for segment in self._segments:
+            part = whitened[segment.start : segment.stop]
+            out[segment.start : segment.stop] = solve_triangular(segment.whitening, part, lower=True)
+        scaled: Array = out / self.sigma
+        return scaled
+
+    def rows_of_runs(self, runs: Sequence[int]) -> NDArray[np.bool_]:
+        """Return which of the n samples belong to these runs."""
+        mask: NDArray[np.bool_] = np.isin(self.run, np.asarray(runs, dtype=np.int64))
+        return mask
+
+
+def _join(parts: list[NDArray[np.int64]]) -> Index:
+    return np.concatenate(parts).astype(np.int64) if parts else np.zeros(0, dtype=np.int64)

@@ -1,0 +1,135 @@
+"""The robot of a dataset: the model with the rig's own dimensions, and a discretisation to match."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from collections.abc import Mapping
+
+from evergym.config import build, to_mapping
+from evergym.discrepancy.dataset import Dataset
+from evergym.model import Model, Numerics, check_model, compile_robot
+from evergym.robot import RobotConfig
+from evergym.units import KPA, MM, MPA, UM
+
+__all__ = ["Fidelity", "apply_robot", "choose_numerics", "override_robot", "refine_for_contact"]
+
+
+class Fidelity(enum.Enum):
+    """How finely to simulate."""
+
+    FAST = "fast"
+    """For fits: within 0.03 mm rms of the finest in free space, see docs/design/discrepancy_data.md."""
+    STANDARD = "standard"
+    """Half the step, and a third more sections."""
+    FINE = "fine"
+    """To tell numerics from physics."""
+
+
+def apply_robot(model: Model, dataset: Dataset) -> Model:
+    """Return the model with the dataset's ``[robot]`` overrides.
+
+    Raises:
+        ConfigError: an unknown key (the nearest is named), or a value that is impossible.
+    """
+    where = f"{dataset.path / 'dataset.toml'} [robot]"
+    robot = override_robot(model.robot, dataset.robot, where, {run.setup for run in dataset.runs})
+    return check_model(dataclasses.replace(model, robot=robot), where)
+
+
+def override_robot(robot: RobotConfig, overrides: Mapping[str, float], where: str, setups: set[str]) -> RobotConfig:
+    """Return ``robot`` with some of its keys replaced.
+
+    A part that no run has (the sheath, or the catheter) is made to fit around or into the part that they have, unless
+    the overrides give its size: a model file must hold a robot that can be assembled.
+
+    Args:
+        robot: The model's.
+        overrides: Keys of ``[robot]`` and their values.
+        where: Start of every message.
+        setups: Of the runs.
+
+    Raises:
+        ConfigError: an unknown key (the nearest is named), or a value that is impossible.
+    """
+    changed = build(RobotConfig, {**to_mapping(robot), **overrides}, where)
+    inner = changed.sheath_outer_diameter_mm - 2.0 * changed.sheath_wall_um * UM / MM
+    if changed.catheter_outer_diameter_mm < inner or "full" in setups:
+        return changed
+    if setups == {"catheter"} and "sheath_outer_diameter_mm" not in overrides:
+        gap = robot.sheath_outer_diameter_mm / robot.catheter_outer_diameter_mm
+        wide = gap * changed.catheter_outer_diameter_mm + 2.0 * changed.sheath_wall_um * UM / MM
+        return dataclasses.replace(changed, sheath_outer_diameter_mm=wide)
+    if setups == {"sheath"} and not {"catheter_outer_diameter_mm", "catheter_inner_diameter_mm"} & set(overrides):
+        share = inner / changed.sheath_outer_diameter_mm * robot.catheter_outer_diameter_mm
+        share /= robot.sheath_outer_diameter_mm
+        thin = share * changed.sheath_outer_diameter_mm
+        bore = thin * robot.catheter_inner_diameter_mm / robot.catheter_outer_diameter_mm
+        return dataclasses.replace(changed, catheter_outer_diameter_mm=thin, catheter_inner_diameter_mm=bore)
+    return changed
+
+
+def refine_for_contact(model: Model, numerics: Numerics) -> Numerics:
+    """Return a discretisation fine enough among pegs or in a duct.
+
+    There a section has a contact of its own: with 2 mm and 62.5 ms the tip of the default robot is within 0.02 mm rms
+    of the finest among pegs, with 3.9 mm and 125 ms within 0.1 mm.
+    """
+    section_mm = 2.0 / 3.0 * model.robot.sheath_outer_diameter_mm
+    return dataclasses.replace(
+        numerics,
+        section_length_mm=min(numerics.section_length_mm, max(section_mm, 0.05)),
+        step_s=min(numerics.step_s, _CONTACT_STEP_S),
+    )
+
+
+def choose_numerics(model: Model, setup: str, fidelity: Fidelity = Fidelity.FAST) -> Numerics:
+    """Return a discretisation in proportion to the robot: sections to its length, the tolerance to its energy.
+
+    A sheath alone hangs from a kink at its root, which is spread over one section: it gets twice as many. A robot that
+    swings so slowly that samples show it is followed in steps that show it, too.
+
+    Args:
+        model: Robot and effects, with the dataset's overrides.
+        setup: "full", "catheter" or "sheath".
+        fidelity: How finely.
+    """
+    robot = model.robot
+    length = robot.catheter_length_mm if setup == "catheter" else 0.5 * robot.sheath_material_length_mm
+    count, step_s = _DISCRETISATION[fidelity]
+    sections = 2 * count if setup == "sheath" else count
+    stiffness = 0.0 if setup == "sheath" else robot.catheter_bending_stiffness_n_m2 / (length * MM)
+    area = 0.25 * math.pi * (robot.sheath_outer_diameter_mm * MM) ** 2
+    thrust = 0.0 if setup == "catheter" else robot.pressure_max_kpa * KPA * area * length * MM
+    tolerance = _TOLERANCE_SHARE * (stiffness + thrust)
+    if setup != "sheath":  # which grows or hangs; its swing in saline is not what benches sample
+        period = _estimate_period(model, setup, length * MM)
+        if period > _VISIBLE_PERIOD_S:
+            step_s = min(step_s, period / _STEPS_PER_PERIOD)
+    return Numerics(
+        section_length_mm=min(max(length / sections, 0.05), 50.0),
+        step_s=step_s,
+        energy_tolerance_j=min(max(tolerance, 1e-14), 1e-4),
+    )
+
+
+_DISCRETISATION = {Fidelity.FAST: (36, 0.125), Fidelity.STANDARD: (48, 0.0625), Fidelity.FINE: (96, 1.0 / 64.0)}
+"""Sections and step [s]."""
+_TOLERANCE_SHARE = 2e-9
+"""Of the robot's energy (one radian of bend over its length, pressure times volume); 1e-10 J for the default robot."""
+_CONTACT_STEP_S = 0.0625
+_VISIBLE_PERIOD_S = 0.2
+"""Slower swings than this are seen in bench data, faster ones die out between samples."""
+_STEPS_PER_PERIOD = 20
+
+
+def _estimate_period(model: Model, setup: str, length: float) -> float:
+    """Return the period [s] of the slowest swing of a cantilever with the robot's stiffness and mass."""
+    robot = compile_robot(model, Numerics(), setup)
+    sheath = math.pi * robot.sheath_radius**3 * model.robot.sheath_wall_um * UM * model.robot.sheath_modulus_mpa * MPA
+    catheter = model.robot.catheter_bending_stiffness_n_m2
+    stiffness, mass = catheter, robot.catheter_mass
+    if setup == "full":
+        stiffness, mass = sheath + catheter, robot.sheath_mass + robot.inner_mass
+    return 2.0 * math.pi * length**2 / 3.516 * math.sqrt(mass / stiffness)

@@ -1,0 +1,170 @@
+"""Screen the candidates by their signatures: what switching an effect on changes that no recalibration can absorb."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.discrepancy.candidates import Candidate
+from evergym.discrepancy.fit import Fit, solve_normal
+from evergym.discrepancy.predict import Predictor
+from evergym.discrepancy.space import Space
+
+__all__ = ["Projector", "Signature", "group_equivalent", "screen_candidates", "search_strength", "simulate_change"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+STRETCH = (0.2, 4.0)
+"""A signature taken at one strength stands for strengths between these multiples of it."""
+SEARCH = ((0.4, 1.0, 2.5), (0.65, 1.5))
+"""Multiples of the strength that are tried before a fit, round by round."""
+COSINE_MIN = 0.95
+"""Signatures closer than this are one class: these runs cannot tell them apart."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What one candidate changes.
+
+    Attributes:
+        candidate: The effect.
+        start: z from which its fit should begin, (m,).
+        projected: Whitened change that recalibration cannot absorb, at the typical strength or less, (n,).
+        size: Norm of the whitened change [sigma], all samples together.
+        kept: Share of the norm that recalibration cannot absorb.
+        gain: Half the chi-squares that the signature takes off the residual (with the nominals refitted).
+    """
+
+    candidate: Candidate
+    start: Array
+    projected: Array
+    size: float
+    kept: float
+    gain: float
+
+
+class Projector:
+    """Solves for the nominal parameters beside an added column.
+
+    Args:
+        fit: The recalibrated model, or one with effects in already.
+        use: Samples that may be looked at, (n,).
+    """
+
+    def __init__(self, fit: Fit, use: Mask) -> None:
+        self.jacobian = fit.jacobian[use]
+        self.residual = fit.residual[use]
+        self.use = use
+        self.fit = fit
+        self.normal = self.jacobian.T @ self.jacobian
+        self.precision, self.limits = fit.space.prior_precision, fit.space.limits
+        self.cost = self._cost(self.residual)
+
+    def project(self, column: Array) -> Array:
+        """Return the column less what the nominal parameters can do about it (within their tolerances), (n,)."""
+        part = column[self.use]
+        step = np.linalg.solve(self.normal + np.diag(self.precision + 1e-9), self.jacobian.T @ part)
+        out: Array = column - self.fit.jacobian @ step
+        return out
+
+    def exact_gain(self, column: Array) -> float:
+        """Return by how much the cost falls with the column as it is."""
+        return self.cost - self._cost(self.residual - column[self.use])
+
+    def gain(self, column: Array) -> tuple[float, float]:
+        """Return by how much the cost falls with the column times its best stretch, and that stretch."""
+        part = column[self.use]
+        projected = self.project(column)[self.use]
+        norm = float(projected @ part)
+        stretch = float(projected @ self.residual) / norm if norm > 1e-12 else 1.0
+        stretch = float(np.clip(stretch, *STRETCH))
+        return self.cost - self._cost(self.residual - stretch * part), stretch
+
+    def _cost(self, residual: Array) -> float:
+        z = self.fit.z
+        step = np.zeros(len(z))
+        if len(z):
+            step = solve_normal(self.normal, self.jacobian.T @ residual, self.precision, z, self.limits)
+        rest = residual - self.jacobian @ step
+        return 0.5 * float(rest @ rest + self.precision @ (z + step) ** 2)
+
+
+def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Candidate], use: Mask) -> list[Signature]:
+    """Return the best signature of every candidate that changes anything, the most promising first.
+
+    Args:
+        predictor: Simulations.
+        base: The recalibrated model.
+        candidates: Effects that may be missing.
+        use: Samples that may be looked at, (n,).
+    """
+    projector = Projector(base, use)
+    size = base.space.size
+    signatures = []
+    for candidate in candidates:
+        space = base.space.extend(candidate.axes, candidate.fixed)
+        best: Signature | None = None
+        for start in candidate.starts:
+            column = simulate_change(predictor, base, space, np.array(start))
+            norm = float(np.linalg.norm(column[use]))
+            if norm < 1e-3:
+                continue
+            projected = projector.project(column)
+            kept = min(float(np.linalg.norm(projected[use])) / norm, 1.0)
+            gain, stretch = projector.gain(column)
+            begin = np.array(start)
+            for i, axis in enumerate(candidate.axes):
+                if axis.path in candidate.amplitudes:
+                    begin[i] *= stretch
+            if best is None or gain > best.gain:
+                best = Signature(candidate, np.clip(begin, *space.limits_of(size)), projected, norm, kept, gain)
+        if best is not None:
+            signatures.append(best)
+    return sorted(signatures, key=lambda signature: -signature.gain)
+
+
+def simulate_change(predictor: Predictor, base: Fit, space: Space, start: Array) -> Array:
+    """Return the whitened change of the prediction from ``base`` to the added unknowns at ``start``, (n,)."""
+    change = predictor.predict(space.setting(np.concatenate((base.z, start)))) - base.prediction
+    return predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0))
+
+
+def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: Mask) -> Array:
+    """Return the start of a fit, (m,): the strength along the signature that takes most off the residual.
+
+    Growth that stalls or a tendon that goes slack depend on the strength by leaps, over which no gradient leads.
+    """
+    projector = Projector(base, use)
+    candidate = signature.candidate
+    space = base.space.extend(candidate.axes, candidate.fixed)
+    limits = space.limits_of(base.space.size)
+    amplitude = np.array([axis.path in candidate.amplitudes for axis in candidate.axes], dtype=bool)
+    best, most = signature.start, -np.inf
+    if not amplitude.any():
+        return best
+    for factors in SEARCH:
+        centre = best.copy()
+        for factor in factors:
+            start = np.clip(np.where(amplitude, factor * centre, centre), *limits)
+            gain = projector.exact_gain(simulate_change(predictor, base, space, start))
+            if gain > most:
+                best, most = start, gain
+    return best
+
+
+def group_equivalent(signatures: Sequence[Signature], use: Mask) -> dict[str, list[str]]:
+    """Return, for every candidate, those whose projected signature points the same way."""
+    units = {}
+    for signature in signatures:
+        part = signature.projected[use]
+        norm = float(np.linalg.norm(part))
+        if norm > 0.0:
+            units[signature.candidate.name] = part / norm
+    return {
+        name: [other for other, v in units.items() if other != name and abs(float(u @ v)) > COSINE_MIN]
+        for name, u in units.items()
+    }

@@ -1,0 +1,153 @@
+"""The verdict: is anything missing, can it be named, how sure is the name, and what else would do as well."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.discrepancy.locate import SIGNIFICANCE, Cell
+from evergym.discrepancy.screen import Signature
+from evergym.discrepancy.select import Score
+
+__all__ = ["NamedEffect", "Thresholds", "Verdict", "decide", "explained_share", "find_equivalents"]
+
+Array = NDArray[np.float64]
+
+
+class Verdict(enum.Enum):
+    """What a diagnosis concludes."""
+
+    EFFECT = "effect"
+    EFFECT_AND_UNKNOWN_REST = "effect_and_unknown_rest"
+    NO_EFFECT = "no_effect"
+    UNKNOWN_EFFECT = "unknown_effect"
+    INSUFFICIENT_DATA = "insufficient_data"
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Limits of the decision; settled on development cases of our own, none of them of the blind campaign.
+
+    Attributes:
+        share_min: Explained share of the excess below which no name is given.
+        gain_min: Half the chi-squares that left-out experiments must gain.
+        cell_min: Excess [sigma rms] of a significant cell below which a disagreement is not worth a name.
+        rest_cell_min: Excess of a cell after the effect is in, above which something else is still missing.
+        tie_factor: Candidates whose excess is within this factor of the best one's are tied with it.
+        tie_offset: The same, as an absolute excess [sigma^2].
+        further_gain_min: Half the chi-squares that left-out experiments must gain from a further effect.
+        further_share_max: Share of the excess that a further effect may leave.
+        further_excess_min: Excess [sigma^2] that a further effect must take away.
+        kept_min: Share of a signature that recalibration must leave over for the effect to be identifiable.
+        size_min: Norm of what recalibration leaves over of the typical signature [sigma], for an effect to count as
+            excited.
+    """
+
+    share_min: float = 0.7
+    gain_min: float = 12.0
+    cell_min: float = 0.7
+    rest_cell_min: float = 1.0
+    tie_factor: float = 1.25
+    tie_offset: float = 0.02
+    further_gain_min: float = 24.0
+    further_share_max: float = 0.5
+    further_excess_min: float = 0.1
+    kept_min: float = 0.1
+    size_min: float = 6.0
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that the verdict names."""
+
+    name: str
+    confidence: float
+    explained_share: float
+    equivalents: tuple[str, ...]
+
+
+def explained_share(before: Score, after: Score) -> float:
+    """Return the share of the excess over the noise of left-out experiments that an effect explains."""
+    if before.excess <= 0.0:
+        return 0.0
+    return float(np.clip(1.0 - after.excess / before.excess, 0.0, 1.0))
+
+
+def worst_cell(cells: Sequence[Cell]) -> float:
+    """Return the largest excess of a significant cell [sigma], 0 if none is significant."""
+    return max((cell.excess for cell in cells if cell.p_value <= SIGNIFICANCE), default=0.0)
+
+
+def find_equivalents(
+    best: Score, rivals: Sequence[Score], classes: Mapping[str, Sequence[str]], thresholds: Thresholds, most: int = 2
+) -> tuple[str, ...]:
+    """Return the effects that explain the left-out experiments as well as the best one, nearest first."""
+    name = best.effects[-1].name
+    limit = thresholds.tie_factor * best.excess + thresholds.tie_offset
+    tied = [
+        rival.effects[-1].name
+        for rival in rivals
+        if rival.effects[-1].name != name
+        and rival.excess <= limit
+        and rival.validation.total <= best.validation.total + 2.0 * thresholds.gain_min
+    ]
+    # Signatures that point the same way are one class even where only one of them was fitted.
+    fitted = {rival.effects[-1].name for rival in rivals}
+    tied += [other for other in classes.get(name, ()) if other not in fitted and other not in tied]
+    return tuple(tied[:most])
+
+
+def is_excited(signatures: Sequence[Signature], thresholds: Thresholds) -> list[str]:
+    """Return the effects that these runs would show if they were there at their typical strength."""
+    return [
+        signature.candidate.name
+        for signature in signatures
+        if signature.kept >= thresholds.kept_min and signature.kept * signature.size >= thresholds.size_min
+    ]
+
+
+def decide(
+    base: Score,
+    best: Score | None,
+    cells_before: Sequence[Cell],
+    cells_after: Sequence[Cell],
+    excited: Sequence[str],
+    thresholds: Thresholds,
+) -> Verdict:
+    """Return the conclusion.
+
+    Args:
+        base: The recalibrated model.
+        best: The best model with effects added; None: there is no candidate.
+        cells_before: Map of disagreement of the recalibrated model.
+        cells_after: Map of disagreement with the effects in.
+        excited: Effects that the runs could have shown.
+        thresholds: Limits.
+    """
+    if worst_cell(cells_before) < thresholds.cell_min:
+        return Verdict.NO_EFFECT if excited else Verdict.INSUFFICIENT_DATA
+    if best is None or not best.effects:
+        return Verdict.UNKNOWN_EFFECT
+    gain = 0.5 * (base.validation.total - best.validation.total)
+    if gain < thresholds.gain_min or explained_share(base, best) < thresholds.share_min:
+        return Verdict.UNKNOWN_EFFECT
+    if worst_cell(cells_after) >= thresholds.rest_cell_min:
+        return Verdict.EFFECT_AND_UNKNOWN_REST
+    return Verdict.EFFECT
+
+
+def estimate_confidence(share: float, best: Score, rivals: Sequence[Score]) -> float:
+    """Return the probability that the name is right, from the explained share and the lead over the rivals.
+
+    The weights were fitted to development cases (see docs); a posterior from likelihoods would say 1 nearly always.
+    """
+    lead = min(
+        (np.log((rival.excess + 0.02) / (best.excess + 0.02)) for rival in rivals if rival.effects != best.effects),
+        default=3.0,
+    )
+    logit = -1.0 + 8.0 * (share - 0.7) + 1.5 * min(max(float(lead), -1.0), 3.0)
+    return float(1.0 / (1.0 + np.exp(-logit)))

@@ -1,0 +1,206 @@
+"""The parts of a diagnosis that need no simulator: noise, whitening, fits, folds, regimes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.cross_validate import cross_validate
+from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.fit import Fit, solve_normal
+from evergym.discrepancy.gap import Gap
+from evergym.discrepancy.hold_out import choose_held_out
+from evergym.discrepancy.locate import SIGNIFICANCE, locate
+from evergym.discrepancy.noise import ChannelNoise, estimate_noise, find_repeats, whitening_matrix
+from evergym.discrepancy.predict import Setting
+from evergym.discrepancy.regimes import REGIMES, label_regimes
+from evergym.discrepancy.residual import Measurement
+from evergym.discrepancy.space import Axis, Space
+from evergym.model import Model
+
+TIME = 0.2 * np.arange(60)
+
+
+def make_run(name: str, experiment: str, pull: np.ndarray, measured: np.ndarray | None = None) -> Run:
+    commands = np.zeros((len(TIME), 8))
+    commands[:, 1] = np.nan
+    commands[:, 3] = pull
+    commands[:, 4] = 20.0
+    table = np.full((len(TIME), len(CHANNELS)), np.nan)
+    if measured is not None:
+        table[:, 0] = measured
+    return Run(name, "full", (0.0, -9.81, 0.0), experiment, "free", 50.0, TIME, commands, table)
+
+
+def make_dataset(runs: list[Run], noise: float = 0.3) -> Dataset:
+    return Dataset("test", "", {"tip_x_mm": noise}, {}, (), tuple(runs), (), Path())
+
+
+def draw_noise(rng: np.random.Generator, white: float, wander: float, time_s: float, offset: float) -> np.ndarray:
+    share = np.exp(-0.2 / time_s)
+    slow = np.empty(len(TIME))
+    slow[0] = rng.normal()
+    for i in range(1, len(TIME)):
+        slow[i] = share * slow[i - 1] + np.sqrt(1.0 - share**2) * rng.normal()
+    return white * rng.normal(size=len(TIME)) + wander * slow + offset * rng.normal()
+
+
+def test_repeats_show_the_noise_whatever_they_have_in_common() -> None:
+    rng = np.random.default_rng(0)
+    runs = []
+    for experiment in range(20):
+        signal = 30.0 * rng.normal() * np.sin(TIME)
+        pull = np.full(len(TIME), 0.1 * experiment)
+        runs += [
+            make_run(f"{experiment}-{k}", f"e{experiment}", pull, signal + draw_noise(rng, 0.3, 0.4, 2.0, 0.3))
+            for k in range(2)
+        ]
+    noise = estimate_noise(make_dataset(runs, 0.1)).channels["tip_x_mm"]
+    # 20 differences of 60 samples: the white part is known to 3 %, the slow parts to 20-30 %.
+    assert noise.white == pytest.approx(0.3, rel=0.1)
+    assert noise.total == pytest.approx(np.sqrt(0.3**2 + 0.4**2 + 0.3**2), rel=0.2)
+    assert np.hypot(noise.wander, noise.offset) == pytest.approx(0.5, rel=0.3)
+    assert noise.repeats == 20
+
+
+def test_declared_noise_is_the_floor() -> None:
+    rng = np.random.default_rng(1)
+    runs = [make_run(str(k), "e", np.zeros(len(TIME)), 0.05 * rng.normal(size=len(TIME))) for k in range(3)]
+    assert estimate_noise(make_dataset(runs, 0.3)).channels["tip_x_mm"].total == pytest.approx(0.3, rel=1e-6)
+
+
+def test_runs_with_other_commands_are_no_repeats() -> None:
+    runs = [make_run("a", "e", np.zeros(60)), make_run("b", "e", np.full(60, 0.1)), make_run("c", "e", np.zeros(60))]
+    assert find_repeats(runs) == [[0, 2]]
+
+
+def test_whitened_noise_is_independent_with_unit_variance() -> None:
+    noise = ChannelNoise(white=0.3, wander=0.4, wander_time_s=2.0, offset=0.3, repeats=0)
+    matrix = whitening_matrix(noise, TIME)
+    np.testing.assert_allclose(matrix @ noise.covariance(TIME) @ matrix.T, np.eye(len(TIME)), atol=1e-4)
+
+
+def test_scaling_undoes_whitening() -> None:
+    rng = np.random.default_rng(2)
+    runs = [make_run(str(k), "e", np.full(60, 0.1 * k), rng.normal(size=60)) for k in range(3)]
+    dataset = make_dataset(runs)
+    measurement = Measurement(dataset, estimate_noise(dataset))
+    np.testing.assert_allclose(
+        measurement.scale(measurement.whiten(measurement.value)), measurement.value / measurement.sigma, rtol=1e-9
+    )
+
+
+def test_step_within_limits_is_the_constrained_minimum() -> None:
+    rng = np.random.default_rng(3)
+    jacobian, residual = rng.normal(size=(40, 3)), 5.0 * rng.normal(size=40)
+    precision, z = np.ones(3), np.zeros(3)
+    limits = np.full(3, -0.05), np.full(3, 0.05)
+    step = solve_normal(jacobian.T @ jacobian, jacobian.T @ residual, precision, z, limits)
+
+    def cost(d: np.ndarray) -> float:
+        rest = residual - jacobian @ d
+        return float(rest @ rest + d @ d)
+
+    assert np.all(np.abs(step) <= 0.05 + 1e-9)
+    assert max(np.abs(step)) == pytest.approx(0.05)
+    for _ in range(200):
+        other = np.clip(step + 0.02 * rng.normal(size=3), *limits)
+        assert cost(other) >= cost(step) - 1e-9
+
+
+def make_linear_fit(
+    jacobian: np.ndarray, value: np.ndarray, tolerance: tuple[float, ...], rows: np.ndarray | None = None
+) -> Fit:
+    """The exact minimum of a linear problem."""
+    precision = np.array(tolerance) ** -2.0
+    use = slice(None) if rows is None else rows
+    normal = jacobian[use].T @ jacobian[use] + np.diag(precision)
+    z = np.linalg.solve(normal, jacobian[use].T @ value[use])
+    axes = tuple(Axis(f"p{i}", 0.0, 1.0, -1e6, 1e6, tolerance=t) for i, t in enumerate(tolerance))
+    residual = value - jacobian @ z
+    return Fit(Space(Setting(Model()), axes), z, jacobian @ z, residual, jacobian, 0.0)
+
+
+def test_left_out_experiment_does_not_enter_the_strength() -> None:
+    rng = np.random.default_rng(4)
+    experiment = np.repeat(np.arange(4), 50)
+    jacobian = rng.normal(size=(200, 2))
+    value = jacobian @ np.array([0.5, 2.0]) + 0.1 * rng.normal(size=200)
+    fit = make_linear_fit(jacobian, value, (1.0, 1e6))
+    validation = cross_validate(fit, experiment, range(4), np.ones(200, dtype=bool), nominals=1)
+    for k in range(4):
+        without = make_linear_fit(jacobian, value, (1.0, 1e6), np.flatnonzero(experiment != k))
+        assert validation.z[k, 1] == pytest.approx(without.z[1], abs=2e-3)  # 150 samples against a prior 1 wide
+    assert validation.total == pytest.approx(np.sum(validation.residual**2))
+    assert validation.total > fit.chi2  # strengths from elsewhere never fit better
+
+
+def test_strength_that_only_one_experiment_shows_keeps_the_benefit_of_the_doubt() -> None:
+    experiment = np.repeat(np.arange(3), 20)
+    column = np.where(experiment == 0, 1.0, 0.0)
+    fit = make_linear_fit(column[:, None], 3.0 * column, (30.0,))
+    validation = cross_validate(fit, experiment, range(3), np.ones(60, dtype=bool), nominals=0)
+    np.testing.assert_allclose(validation.z[:, 0], fit.z[0], rtol=1e-3)
+
+
+def test_strength_that_other_experiments_contradict_explains_nothing() -> None:
+    experiment = np.repeat(np.arange(3), 20)
+    value = np.where(experiment == 0, 3.0, 0.0)
+    fit = make_linear_fit(np.ones((60, 1)), value, (30.0,))
+    validation = cross_validate(fit, experiment, range(3), np.ones(60, dtype=bool), nominals=0)
+    assert validation.chi2[0] > 0.9 * np.sum(value[experiment == 0] ** 2)
+
+
+def test_held_out_experiments_leave_every_regime_to_learn_from() -> None:
+    rng = np.random.default_rng(5)
+    ramp = np.concatenate((np.linspace(0.0, 3.0, 30), np.linspace(3.0, 0.0, 30)))
+    runs = [make_run(f"r{k}", f"e{k}", ramp if k in (1, 4) else np.zeros(60), rng.normal(size=60)) for k in range(8)]
+    dataset = make_dataset(runs)
+    measurement = Measurement(dataset, estimate_noise(dataset))
+    held_out = choose_held_out(dataset, measurement, rng.normal(size=(measurement.size, 3)))
+    assert len(held_out) == 2
+    assert not {1, 4} <= set(held_out)
+
+
+def test_too_few_experiments_hold_none_out() -> None:
+    runs = [make_run(f"r{k}", f"e{k}", np.zeros(60), np.zeros(60)) for k in range(2)]
+    dataset = make_dataset(runs)
+    measurement = Measurement(dataset, estimate_noise(dataset))
+    assert choose_held_out(dataset, measurement, np.zeros((measurement.size, 0))) == ()
+
+
+def test_regimes_follow_the_commands() -> None:
+    pull = np.concatenate((np.linspace(0.0, 4.0, 30), np.linspace(4.0, 0.0, 30)))
+    (labels,) = label_regimes([make_run("a", "e", pull)])
+    assert set(labels) <= set(REGIMES)
+    reversal = np.flatnonzero(labels["tendon reversal"])
+    assert reversal.min() >= 30 and reversal.max() <= 38  # a fifth of the way back, one sample late
+    assert labels["tendon releasing"][45:].all()
+    assert labels["tendon pulling"][5:30].all()
+    assert not (labels["tendon pulling"] & labels["tendon releasing"]).any()
+
+
+def test_map_finds_the_cell_that_is_off_and_no_other_by_chance() -> None:
+    rng = np.random.default_rng(6)
+    pull = np.concatenate((np.linspace(0.0, 4.0, 30), np.linspace(4.0, 0.0, 30)))
+    runs = [make_run(f"r{k}", f"e{k}", pull, 0.3 * rng.normal(size=60)) for k in range(6)]
+    dataset = make_dataset(runs)
+    measurement = Measurement(dataset, estimate_noise(dataset))
+    use = np.ones(measurement.size, dtype=bool)
+    quiet = locate(dataset, measurement, np.zeros(measurement.size), measurement.whiten(measurement.value), 0.0, use)
+    assert min(cell.p_value for cell in quiet) > SIGNIFICANCE
+    wrong = np.where(np.isin(measurement.row, np.arange(31, 38)), 1.5, 0.0)
+    residual = measurement.whiten(measurement.value - wrong)
+    cells = locate(dataset, measurement, wrong, residual, 0.0, use)
+    assert (cells[0].channel, cells[0].regime) == ("tip_x_mm", "tendon reversal")
+    assert cells[0].excess == pytest.approx(1.5 / 0.3, rel=0.2)
+    assert cells[0].p_value < 1e-6
+
+
+def test_gap_ratio_compares_what_is_beyond_the_noise() -> None:
+    assert Gap((), 5.0, np.sqrt(10.0), np.sqrt(2.0), {}).ratio == pytest.approx(1.0 / 3.0)
+    assert Gap((), 5.0, 3.0, 0.9, {}).ratio == 0.0
+    assert Gap((), 1.0, 1.0, 1.0, {}).ratio == 1.0
