@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import sys
 from collections.abc import Iterable
@@ -42,7 +41,8 @@ class Validate:
 
     def run(self) -> int:
         """Compare, print and write the report; returns the exit code."""
-        protocols = importlib.import_module("evergym.experiments.protocols")  # the simulator: not for --help
+        from evergym.experiments.protocols import ASSUMPTIONS, simulate  # the simulator: not for --help
+
         folder = self.out or (None if self.json else DEFAULT_FOLDER)
         names: tuple[str, ...] = (self.experiment,) if self.experiment else EXPERIMENTS
         experiments = [load_experiment(name) for name in names]
@@ -50,7 +50,7 @@ class Validate:
             experiments = [experiment for experiment in experiments if experiment.name in TABLE_EXPERIMENTS]
         sets = load_parameter_sets() if self.model is None else ParameterSets(load_model(self.model))
         parameters = describe_parameters(sets.fitted, read_model_text(self.model or FITTED_MODEL))
-        comparison = compare(experiments, sets, protocols.simulate, workers=self.workers, follow=_show_progress)
+        comparison = compare(experiments, sets, simulate, workers=self.workers, follow=_show_progress)
         table = comparison if self.experiment else _select_table(comparison)
         if self.json:
             print(json.dumps(make_json(table, parameters), indent=2))
@@ -65,7 +65,7 @@ class Validate:
                 )
         if folder is not None:
             path = write_report(
-                folder, comparison, parameters, model_name=self.model or FITTED_MODEL, assumptions=protocols.ASSUMPTIONS
+                folder, comparison, parameters, model_name=self.model or FITTED_MODEL, assumptions=ASSUMPTIONS
             )
             print(f"Report: {path}", file=sys.stderr if self.json else sys.stdout)
         return 0
