@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evergym.config import iterate_parameters
-from evergym.effects.catalogue import EffectParameters, Effects, compile_effects
+from evergym.discrepancy.columns import CHANNELS
+from evergym.effects.catalogue import EFFECTS, EffectParameters, Effects, compile_effects
 from evergym.effects.contact_friction import ContactFriction
 from evergym.effects.duct_compliance import DuctCompliance, compute_wall_force
 from evergym.effects.root_kink import RootKink, compute_kink_moment
@@ -39,8 +41,22 @@ CATALOGUE = {
     "duct_compliance",
     "catheter_protrusion",
     "retraction_buckling",
+    "wall_shear",
+    "axial_buckling",
+    "tendon_friction",
+    "notch_closure",
+    "torsional_windup",
+    "wall_pretension",
+    "wall_creep",
+    "wall_compliance",
+    "pressure_droop",
+    "pressure_ripple",
+    "pressure_leak",
+    "pressure_bias",
+    "angle_quantisation",
+    "clearance_play",
 }
-"""The names of the effects catalogue that the default model has."""
+"""The names of the effects catalogue, and of the limit to the pressure."""
 
 
 def test_names_are_those_of_the_catalogue() -> None:
@@ -59,6 +75,18 @@ def test_every_parameter_has_bounds_and_says_where_it_comes_from() -> None:
     assert len(names) > 25
 
 
+def test_every_effect_says_what_it_does_in_terms_of_its_own_parameters() -> None:
+    for name, kind in EFFECTS.items():
+        keys = {field.name for field in fields(kind)}
+        info = kind.info
+        assert set(info.off) | set(info.strength) | set(info.typical) <= keys, name
+        assert info.off and set(info.strength) <= set(info.typical), name
+        assert set(info.partners) < CATALOGUE - {name}, name
+        assert set(info.moves) <= set(CHANNELS), name
+        # Both states can be built, and they differ.
+        assert kind(**info.off) != kind(**info.typical), name
+
+
 def test_every_kernel_gets_its_parameters() -> None:
     compiled = compile_effects(Effects(), RobotConfig())
     assert set(EffectParameters._fields) < CATALOGUE
@@ -68,11 +96,11 @@ def test_every_kernel_gets_its_parameters() -> None:
 
 def test_play_takes_up_its_width_on_every_reversal() -> None:
     law = TendonBacklash(backlash_mm=0.5, lost_motion_mm=2.0).compile()
-    transmitted, trace = 0.0, []
+    transmitted, trace = -math.inf, []
     for pull_mm in (0.0, 2.0, 2.4, 2.5, 3.5, 3.2, 3.0, 2.9, 3.3, 3.4, 3.5, 3.6):
         transmitted = compute_transmitted_pull(law, pull_mm * 1e-3, transmitted)
         trace.append(transmitted * 1e3)
-    assert trace == pytest.approx([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.9, 0.9, 0.9, 1.0, 1.1])
+    assert trace == pytest.approx([-2.5, -0.5, -0.1, 0.0, 1.0, 1.0, 1.0, 0.9, 0.9, 0.9, 1.0, 1.1])
 
 
 @given(
@@ -82,10 +110,10 @@ def test_play_takes_up_its_width_on_every_reversal() -> None:
 )
 def test_transmitted_pull_stays_within_the_play(pulls: list[float], backlash: float, lost: float) -> None:
     law = TendonBacklash(backlash_mm=backlash, lost_motion_mm=lost).compile()
-    transmitted = 0.0
+    transmitted = -math.inf
     for pull in pulls:
         before, transmitted = transmitted, compute_transmitted_pull(law, pull, transmitted)
-        drive = max(pull - lost * 1e-3, 0.0)
+        drive = pull - law.lost_motion
         assert drive - backlash * 1e-3 - 1e-15 <= transmitted <= drive + 1e-15
         # The same pull again changes nothing: no rate, no drift.
         assert compute_transmitted_pull(law, pull, transmitted) == transmitted

@@ -185,7 +185,10 @@ def test_a_step_with_the_pressure_is_found() -> None:
     experiment = load_experiment("fig11a")
     step = np.where(experiment.points.pressure > 15e3, 0.4, 0.0)
     structure = analyse_residual(experiment, experiment.measured + step)
-    assert (structure.dependences[0].condition, structure.dependences[0].share) == ("gauge pressure", pytest.approx(1.0))
+    assert (structure.dependences[0].condition, structure.dependences[0].share) == (
+        "gauge pressure",
+        pytest.approx(1.0),
+    )
 
 
 def test_nothing_is_found_in_noise() -> None:

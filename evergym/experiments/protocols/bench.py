@@ -40,10 +40,10 @@ DOWN: Mapping[str, Array] = {
 STATICS = Numerics(section_length_mm=95.0 / 40.0, step_s=1.0)
 """Steps of a second have no inertia to speak of: the robot's slowest mode takes 0.1 s."""
 
-_STEPS = 4
+_STEPS = 3
 """Steps in which a pull or a load is raised."""
-_STEP_TIME = 2.0
-_REST_TIME = 4.0
+_STEP_TIME = 1.0
+_REST_TIME = 2.0
 """Robot time [s] for each of them, and at the end; the pressure's and the material's lags are below a second."""
 
 GRAVITY = 9.81
@@ -57,7 +57,7 @@ def mount(model: Model, setup: str, load_direction: str) -> Simulator:
 
 
 def remove_tendon(model: Model) -> Model:
-    """Return the model without (or with a slack) tendon: what is left of it holds no force."""
+    """Return the model without tendon: what is left of it holds no force."""
     stretch = replace(model.effects.tendon_stretch, compliance_mm_per_n=TENDON_SLACK_COMPLIANCE_MM_PER_N)
     return replace(model, effects=replace(model.effects, tendon_stretch=stretch))
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.experiments.paper import READING_LENGTH, load_experiment
-from evergym.experiments.protocols.bench import DOWN, bend, find_pre_curvature_angle, mount, read_angle, remove_tendon
+from evergym.experiments.protocols.bench import DOWN, bend, find_pre_curvature_angle, mount, read_angle
 from evergym.model import Model
 from evergym.units import MM
 
@@ -26,7 +26,7 @@ def simulate_tip_load(model: Model, name: str) -> NDArray[np.float64]:
     """Return the curvatures [1/m] of "fig11a" to "fig11d"."""
     points = load_experiment(name).points
     direction = str(points.load_direction.iloc[0])
-    system = mount(model if points.tendon_pull.iloc[0] > 0.0 else remove_tendon(model), "full", direction)
+    system = mount(model, "full", direction)
     rows = points[["pressure", "tendon_pull", "load"]].to_numpy(dtype=float).tolist()
     angles = [
         read_angle(bend(system, pressure=pressure, tendon_pull=pull, load=load * DOWN[direction]))
