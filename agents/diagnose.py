@@ -27,6 +27,8 @@ class Diagnose:
     """Folder for diagnosis.json, report.html and model.toml (None: diagnosis/ in the dataset's folder)."""
     effects: Path | None = None
     """Python file with effects of your own that join the candidates."""
+    jobs: int = 0
+    """Processes that simulate (0: one per core)."""
     json: bool = False
     """Print diagnosis.json instead of sentences."""
 
@@ -44,6 +46,7 @@ class Diagnose:
                 self.model,
                 out,
                 self.effects,
+                self.jobs,
                 on_stage=lambda what, share: progress.update(int(share * UNITS), what),
             )
         if self.json:

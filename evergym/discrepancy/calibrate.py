@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from evergym.discrepancy.fit import Fit, compute_jacobian, fit_space
 from evergym.discrepancy.nominals import find_nominals
-from evergym.discrepancy.predict import Predictor, Setting
+from evergym.discrepancy.predict import Predictor
+from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.space import Space
 
 __all__ = ["Calibration", "ParameterEstimate", "Sensitivity", "calibrate", "find_sensitivity", "refine"]

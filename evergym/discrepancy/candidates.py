@@ -21,7 +21,7 @@ __all__ = ["Candidate", "find_candidates", "is_off", "make_candidate"]
 
 Array = NDArray[np.float64]
 
-MAGNITUDES = (0.25, 1.0)
+MAGNITUDES = (1.0, 0.25)
 """Strengths at which an effect is tried first, in units of its typical one: dead bands are silent at small ones."""
 TURN_DEG = 45.0
 """Scale of a direction in a fit [deg]."""
@@ -142,7 +142,7 @@ def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool]) -> list[tuple[
         for axis, is_amplitude in zip(axes, amplitude, strict=True)
     ]
     starts = []
-    for subset, magnitude in itertools.product(subsets, MAGNITUDES):
+    for magnitude, subset in itertools.product(MAGNITUDES, subsets[::-1]):  # all at once and strongest first
         signed = all(axes[place].z_limits[0] <= -magnitude for place in subset)
         for sign, turn in itertools.product((1.0, -1.0) if signed else (1.0,), itertools.product(*turns)):
             z = list(turn)

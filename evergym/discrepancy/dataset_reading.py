@@ -236,13 +236,11 @@ def _hold_commands(table: SampleTable, index: NDArray[np.int64]) -> Array:
     """
     given = _collect(table, index, COMMANDS)
     tail, insertion = COMMANDS.index("tail_feed_mm_s"), COMMANDS.index("insertion_mm_s")
-    held = np.zeros(len(COMMANDS))
-    held[tail] = np.nan
-    result = np.empty_like(given)
-    for i, row in enumerate(given):
-        commanded = ~np.isnan(row)
-        if commanded[insertion] and not commanded[tail]:
-            held[tail] = np.nan
-        held[commanded] = row[commanded]
-        result[i] = held
-    return result
+    given[np.isnan(given[:, tail]) & ~np.isnan(given[:, insertion]), tail] = np.inf  # stands for coupled
+    # The row in which each command was last given, or a row of rest before all.
+    last = np.where(np.isnan(given), 0, np.arange(1, len(given) + 1)[:, None])
+    rest = np.zeros(len(COMMANDS))
+    rest[tail] = np.inf
+    held = np.take_along_axis(np.vstack((rest, given)), np.maximum.accumulate(last, axis=0), axis=0)
+    held[np.isinf(held)] = np.nan
+    return held

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -27,13 +28,14 @@ from evergym.discrepancy.hook import UserEffect, load_user_effects
 from evergym.discrepancy.locate import Cell, locate
 from evergym.discrepancy.next_experiment import NextExperiment, choose_next
 from evergym.discrepancy.noise import NoiseModel, estimate_noise
-from evergym.discrepancy.predict import Predictor, Setting
+from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.profiles import list_profiles, to_columns
 from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.screen import group_equivalent, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
+from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.verdict import Thresholds, Verdict, decide, is_excited, worst_cell
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model, save_model
@@ -53,6 +55,7 @@ def diagnose(
     model_path: str | Path,
     out: str | Path | None = None,
     effects_file: str | Path | None = None,
+    jobs: int = 1,
     on_stage: Stage | None = None,
 ) -> Diagnosis:
     """Find out what a model lacks, from measured runs.
@@ -62,6 +65,7 @@ def diagnose(
         model_path: Model file, or the name of a shipped model.
         out: Folder for ``diagnosis.json``, ``report.html`` and ``model.toml``; None: nothing is written.
         effects_file: Python file with the user's own effects (`evergym.discrepancy.hook`).
+        jobs: Processes that simulate; 0: one per core.
         on_stage: Told what is being done, and the share done.
 
     Raises:
@@ -70,7 +74,7 @@ def diagnose(
     model = load_model(model_path)
     dataset = load_dataset(dataset_path, model.robot)
     user = load_user_effects(effects_file) if effects_file is not None else ()
-    evidence = run_stages(dataset, model, user, on_stage=on_stage)
+    evidence = run_stages(dataset, model, user, jobs=jobs, on_stage=on_stage)
     if out is not None:
         write_results(evidence, Path(out))
     return evidence.diagnosis
@@ -95,22 +99,28 @@ def run_stages(
     model: Model,
     user_effects: Sequence[UserEffect] = (),
     thresholds: Thresholds | None = None,
+    jobs: int = 1,
     on_stage: Stage | None = None,
 ) -> Evidence:
     """Run all stages of a diagnosis and return what each found."""
-    begin = time.monotonic()
-    thresholds = Thresholds() if thresholds is None else thresholds
-    tell: Stage = on_stage if on_stage is not None else _ignore
-    model = apply_robot(model, dataset)
     if not dataset.channels:
         raise ConfigError(f"{dataset.path}: no sample has a measurement. Fill at least one measured column.")
-
+    thresholds = Thresholds() if thresholds is None else thresholds
+    tell: Stage = on_stage if on_stage is not None else _ignore
     tell("noise", 0.0)
     noise = estimate_noise(dataset)
     measurement = Measurement(dataset, noise)
     users = {effect.name: effect for effect in user_effects}
-    predictor = Predictor(dataset, measurement, users)
+    predictor = Predictor(dataset, measurement, users, jobs=jobs or os.cpu_count() or 1)
+    try:
+        return _run_stages(predictor, noise, apply_robot(model, dataset), thresholds, tell)
+    finally:
+        predictor.close()
 
+
+def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, thresholds: Thresholds, tell: Stage) -> Evidence:
+    begin = time.monotonic()
+    dataset, measurement = predictor.dataset, predictor.measurement
     tell("recalibration", 0.02)
     sensitivity = find_sensitivity(predictor, Setting(model))
     split = split_samples(dataset, measurement, sensitivity.jacobian)
@@ -123,7 +133,7 @@ def run_stages(
     cells = draw_map(base)
 
     tell("screening", 0.25)
-    candidates = find_candidates(model, users)
+    candidates = find_candidates(model, predictor.user_effects)
     signatures = screen_candidates(predictor, calibration.fit, candidates, split.use)
     classes = group_equivalent(signatures, split.use)
     excited = is_excited(signatures, thresholds)

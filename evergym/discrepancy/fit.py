@@ -63,8 +63,8 @@ def whitened_residual(predictor: Predictor, prediction: Array) -> Array:
 def compute_jacobian(predictor: Predictor, space: Space, z: Array, columns: list[int]) -> Array:
     """Return the change of the whitened prediction per unit of z for some unknowns, shape (n, len(columns))."""
     low, high = space.limits
-    out = np.zeros((predictor.measurement.size, len(columns)))
-    for place, column in enumerate(columns):
+    steps, moves = [], []
+    for column in columns:
         step = space.axes[column].step
         if z[column] + step > high[column]:
             step = -step
@@ -72,9 +72,16 @@ def compute_jacobian(predictor: Predictor, space: Space, z: Array, columns: list
             step = 0.5 * (high[column] - low[column])
         moved = z.copy()
         moved[column] += step
-        path = space.axes[column].path
-        difference = predictor.predict_change(path, space.setting(moved), space.setting(z)) / step
-        out[:, place] = np.where(np.isfinite(difference), difference, 0.0)
+        steps.append(step)
+        moves.append((space.axes[column].path, space.setting(moved)))
+    out = np.zeros((predictor.measurement.size, len(columns)))
+    here = space.setting(z)
+    nominal = [space.axes[column].nominal for column in columns]
+    for wanted in (True, False):
+        places = [place for place, is_nominal in enumerate(nominal) if is_nominal is wanted]
+        changes = predictor.predict_changes([moves[place] for place in places], here, mark_inert=wanted)
+        for place, change in zip(places, changes, strict=True):
+            out[:, place] = np.where(np.isfinite(change), change, 0.0) / steps[place]
     return predictor.measurement.whiten(out)
 
 

@@ -84,5 +84,5 @@ def find_nominals(model: Model, runs: Sequence[Run] = ()) -> list[Axis]:
         scale = find_tolerance(path, value)
         low = max(value - BOUND * scale, info.low if info.low is not None else -float("inf"))
         high = min(value + BOUND * scale, info.high if info.high is not None else float("inf"))
-        axes.append(Axis(path, value, scale, low, high))
+        axes.append(Axis(path, value, scale, low, high, nominal=True))
     return axes

@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.hook import Hook, UserEffect
+from evergym.discrepancy.hook import UserEffect
 from evergym.discrepancy.noise import find_repeats
 from evergym.discrepancy.residual import Measurement
-from evergym.discrepancy.rig import Fidelity, choose_numerics
-from evergym.discrepancy.simulate import try_simulate_run
-from evergym.model import Model, Numerics
+from evergym.discrepancy.rig import Fidelity
+from evergym.discrepancy.setting import Setting
+from evergym.discrepancy.simulate import Prediction
+from evergym.discrepancy.workers import Workers, simulate_setting
 
-__all__ = ["Predictor", "Setting"]
+__all__ = ["Predictor"]
 
 Array = NDArray[np.float64]
 
 CACHE_MAX = 40_000
 """Simulated runs kept; the oldest go first."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A model together with a user's own effects at given strengths: all that a prediction depends on."""
-
-    model: Model
-    user: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
-    """(effect, ((parameter, value), ...)) of the user's own effects."""
 
 
 class Predictor:
@@ -43,6 +34,7 @@ class Predictor:
         measurement: Which samples are wanted.
         user_effects: The user's own effects by name.
         fidelity: How finely to simulate.
+        jobs: Processes; 1: none beside this one. With more, `close` must be called in the end.
         on_simulation: Called with the number of runs simulated so far.
 
     Attributes:
@@ -56,6 +48,7 @@ class Predictor:
         measurement: Measurement,
         user_effects: Mapping[str, UserEffect] | None = None,
         fidelity: Fidelity = Fidelity.FAST,
+        jobs: int = 1,
         on_simulation: Callable[[int], None] | None = None,
     ) -> None:
         self.dataset, self.measurement = dataset, measurement
@@ -64,6 +57,7 @@ class Predictor:
         self.simulations = 0
         self.failures: list[str] = []
         self._on_simulation = on_simulation
+        self._workers = Workers(dataset.runs, self.user_effects, jobs)
         self._twin = list(range(len(dataset.runs)))
         for group in find_repeats(dataset.runs):
             for index in group:
@@ -71,55 +65,80 @@ class Predictor:
         self._inert: set[tuple[str, int]] = set()
         self._cache: OrderedDict[tuple[Setting, int, Fidelity], Array] = OrderedDict()
 
+    def close(self) -> None:
+        """End the processes."""
+        self._workers.close()
+
     def predict(self, setting: Setting, fidelity: Fidelity | None = None) -> Array:
         """Return the predicted value of every measured sample, shape (n,); NaN where the simulation failed."""
         fidelity = self.fidelity if fidelity is None else fidelity
-        tables = [self.predict_run(setting, index, fidelity) for index in range(len(self.dataset.runs))]
-        return self.measurement.flatten(tables)
+        indices = range(len(self.dataset.runs))
+        self._prefetch(((setting, index) for index in indices), fidelity)
+        return self.measurement.flatten([self._predict_run(setting, index, fidelity) for index in indices])
 
-    def predict_run(self, setting: Setting, index: int, fidelity: Fidelity | None = None) -> Array:
-        """Return the predicted channels of one run, shape (k, 9)."""
-        fidelity = self.fidelity if fidelity is None else fidelity
-        index = self._twin[index]  # repeats are one simulation
-        key = (setting, index, fidelity)
-        table = self._cache.get(key)
-        if table is None:
-            run = self.dataset.runs[index]
-            table = self.simulate(setting, run, fidelity)
-            self._cache[key] = table
-            if len(self._cache) > CACHE_MAX:
-                self._cache.popitem(last=False)
-        return table
+    def predict_changes(
+        self, moves: Iterable[tuple[str, Setting]], setting: Setting, mark_inert: bool = False
+    ) -> list[Array]:
+        """Return the change of every sample from ``setting`` to each of several settings, each of shape (n,).
 
-    def predict_change(self, path: str, moved: Setting, setting: Setting) -> Array:
-        """Return the change of every sample from ``setting`` to ``moved``, which differ in one parameter, shape (n,).
-
-        A run that the parameter was found not to touch is not simulated again: no growth law acts without a sheath.
+        Args:
+            moves: (what is changed, the setting with the change).
+            setting: The setting without.
+            mark_inert: Remember the runs that a change does not touch, and do not simulate them again for changes of
+                the same name: no growth law acts without a sheath. Only for changes that would show if they could.
         """
+        moves = list(moves)
+        indices = range(len(self.dataset.runs))
+        wanted = [(setting, index) for index in indices]
+        wanted += [(moved, i) for name, moved in moves for i in indices if (name, self._twin[i]) not in self._inert]
+        self._prefetch(wanted, self.fidelity)
+        return [self._change(name, moved, setting, mark_inert) for name, moved in moves]
+
+    def simulate(self, setting: Setting, run: Run, fidelity: Fidelity | None = None) -> Array:
+        """Return the predicted channels of any run, of the dataset or not, shape (k, 9); it is not remembered."""
+        prediction = simulate_setting(setting, run, fidelity or self.fidelity, self.user_effects)
+        self._count(prediction)
+        return prediction.channels
+
+    def _change(self, name: str, moved: Setting, setting: Setting, mark_inert: bool) -> Array:
         tables = []
-        for index in range(len(self.dataset.runs)):
-            if (path, self._twin[index]) in self._inert:
-                tables.append(np.zeros((len(self.dataset.runs[index].time_s), len(CHANNELS))))
+        for index, run in enumerate(self.dataset.runs):
+            if (name, self._twin[index]) in self._inert:
+                tables.append(np.zeros((len(run.time_s), len(CHANNELS))))
                 continue
-            change = self.predict_run(moved, index) - self.predict_run(setting, index)
-            if not change.any():
-                self._inert.add((path, self._twin[index]))
+            change = self._predict_run(moved, index, self.fidelity) - self._predict_run(setting, index, self.fidelity)
+            if mark_inert and not change.any():
+                self._inert.add((name, self._twin[index]))
             tables.append(change)
         return self.measurement.flatten(tables)
 
-    def simulate(self, setting: Setting, run: Run, fidelity: Fidelity | None = None) -> Array:
-        """Return the predicted channels of any run, of the dataset or not, shape (k, 9)."""
-        numerics = self._numerics(setting.model, run.setup, self.fidelity if fidelity is None else fidelity)
-        prediction = try_simulate_run(setting.model, run, numerics, self._hooks(setting))
+    def _predict_run(self, setting: Setting, index: int, fidelity: Fidelity) -> Array:
+        index = self._twin[index]  # repeats are one simulation
+        table = self._cache.get((setting, index, fidelity))
+        if table is None:
+            prediction = simulate_setting(setting, self.dataset.runs[index], fidelity, self.user_effects)
+            table = self._keep((setting, index, fidelity), prediction)
+        return table
+
+    def _prefetch(self, wanted: Iterable[tuple[Setting, int]], fidelity: Fidelity) -> None:
+        if not self._workers.active:
+            return
+        keys = dict.fromkeys((setting, self._twin[index], fidelity) for setting, index in wanted)
+        missing = [key for key in keys if key not in self._cache]
+        if len(missing) > 1:
+            for key, prediction in zip(missing, self._workers.simulate(missing), strict=True):
+                self._keep(key, prediction)
+
+    def _keep(self, key: tuple[Setting, int, Fidelity], prediction: Prediction) -> Array:
+        self._count(prediction)
+        self._cache[key] = prediction.channels
+        if len(self._cache) > CACHE_MAX:
+            self._cache.popitem(last=False)
+        return prediction.channels
+
+    def _count(self, prediction: Prediction) -> None:
         self.simulations += 1
         if prediction.failure:
             self.failures.append(prediction.failure)
         if self._on_simulation is not None:
             self._on_simulation(self.simulations)
-        return prediction.channels
-
-    def _numerics(self, model: Model, setup: str, fidelity: Fidelity) -> Numerics:
-        return choose_numerics(model, setup, fidelity)
-
-    def _hooks(self, setting: Setting) -> tuple[Hook, ...]:
-        return tuple(self.user_effects[name].create_hook(dict(values)) for name, values in setting.user)

@@ -20,7 +20,7 @@ class Fidelity(enum.Enum):
     """How finely to simulate."""
 
     FAST = "fast"
-    """For fits: within 0.03 mm rms of the finest in free space, see docs/design/discrepancy_data.md."""
+    """For fits: within 0.03 mm rms of the finest in free space, see docs/datasets.md."""
     STANDARD = "standard"
     """Half the step, and a third more sections."""
     FINE = "fine"
@@ -106,7 +106,8 @@ def choose_numerics(model: Model, setup: str, fidelity: Fidelity = Fidelity.FAST
     if setup != "sheath":  # which grows or hangs; its swing in saline is not what benches sample
         period = _estimate_period(model, setup, length * MM)
         if period > _VISIBLE_PERIOD_S:
-            step_s = min(step_s, period / _STEPS_PER_PERIOD)
+            # A power of two, so that the step does not change with every stiffness that a fit tries.
+            step_s = min(step_s, 2.0 ** math.floor(math.log2(period / _STEPS_PER_PERIOD)))
     return Numerics(
         section_length_mm=min(max(length / sections, 0.05), 50.0),
         step_s=step_s,

@@ -159,13 +159,28 @@ def _check_header(path: Path, header: Sequence[str]) -> None:
 
 
 def _read_column(path: Path, name: str, cells: Sequence[str], numbers: Sequence[int]) -> Array:
-    values = np.full(len(cells), np.nan)
-    for i, cell in enumerate(cells):
-        if cell:
-            values[i] = _read_number(path, name, cell, numbers[i])
-        elif name == "time_s":
-            raise ConfigError(f"{path}, row {numbers[i]}, column 'time_s': the cell is empty. Every sample has a time.")
+    filled = np.array([bool(cell) for cell in cells])
+    if name == "time_s" and not filled.all():
+        row = numbers[int(np.argmin(filled))]
+        raise ConfigError(f"{path}, row {row}, column 'time_s': the cell is empty. Every sample has a time.")
+    values = _convert(cells)
+    low, high = (-TIME_LIMIT, TIME_LIMIT) if name == "time_s" else COLUMNS[name][1:3]
+    if values is None or not np.all((values >= low) & (values <= high) | ~filled):
+        # Something is wrong: cell by cell, to say where.
+        values = np.array(
+            [_read_number(path, name, cell, row) if cell else np.nan for cell, row in zip(cells, numbers, strict=True)]
+        )
     return values
+
+
+def _convert(cells: Sequence[str]) -> Array | None:
+    """Return the numbers of a column, NaN for empty cells; None where a cell is no number."""
+    if any("_" in cell for cell in cells):
+        return None
+    try:
+        return np.array([cell or "nan" for cell in cells], dtype=np.float64)
+    except ValueError:
+        return None
 
 
 def _read_number(path: Path, name: str, cell: str, row: int) -> float:

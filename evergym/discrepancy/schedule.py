@@ -8,6 +8,7 @@ so that what decays after it is followed.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -62,7 +63,8 @@ def find_events(commands: Array) -> NDArray[np.bool_]:
     return event
 
 
-def plan_steps(run: Run, step_s: float) -> list[Step]:
+@functools.lru_cache(maxsize=512)  # a fit plays the same runs thousands of times
+def plan_steps(run: Run, step_s: float) -> tuple[Step, ...]:
     """Return the steps of a run, joined from rows that span at most ``step_s`` [s], where commands rest twice that."""
     time, commands = run.time_s, run.commands
     event = find_events(commands)
@@ -85,7 +87,7 @@ def plan_steps(run: Run, step_s: float) -> list[Step]:
             last += 1
         steps.append(Step(first, last, float(time[last] - time[first]), _join(time, commands, first, last), rests))
         first = last
-    return steps
+    return tuple(steps)
 
 
 def _join(time: Array, commands: Array, first: int, last: int) -> Array:

@@ -13,7 +13,7 @@ from evergym.discrepancy.fit import Fit, solve_normal
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.space import Space
 
-__all__ = ["Projector", "Signature", "group_equivalent", "screen_candidates", "search_strength", "simulate_change"]
+__all__ = ["Projector", "Signature", "group_equivalent", "screen_candidates", "search_strength", "simulate_changes"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -108,8 +108,8 @@ def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Cand
     for candidate in candidates:
         space = base.space.extend(candidate.axes, candidate.fixed)
         best: Signature | None = None
-        for start in candidate.starts:
-            column = simulate_change(predictor, base, space, np.array(start))
+        columns = simulate_changes(predictor, base, space, candidate, candidate.starts, screening=True)
+        for start, column in zip(candidate.starts, columns, strict=True):
             norm = float(np.linalg.norm(column[use]))
             if norm < 1e-3:
                 continue
@@ -127,10 +127,26 @@ def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Cand
     return sorted(signatures, key=lambda signature: -signature.gain)
 
 
-def simulate_change(predictor: Predictor, base: Fit, space: Space, start: Array) -> Array:
-    """Return the whitened change of the prediction from ``base`` to the added unknowns at ``start``, (n,)."""
-    change = predictor.predict(space.setting(np.concatenate((base.z, start)))) - base.prediction
-    return predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0))
+def simulate_changes(
+    predictor: Predictor,
+    base: Fit,
+    space: Space,
+    candidate: Candidate,
+    starts: Sequence[Sequence[float] | Array],
+    screening: bool = False,
+) -> list[Array]:
+    """Return the whitened changes of the prediction from ``base`` to a candidate at each of ``starts``, each (n,).
+
+    In a screening the starts come with the strongest first; runs that it does not touch are not simulated again.
+    """
+    here = base.space.setting(base.z)
+    moves = [(candidate.name, space.setting(np.concatenate((base.z, start)))) for start in starts]
+    changes: list[Array] = []
+    # The strongest start goes alone: the runs that it leaves as they are need no other.
+    if screening:
+        changes += predictor.predict_changes(moves[:1], here, mark_inert=True)
+    changes += predictor.predict_changes(moves[len(changes) :], here)
+    return [predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0)) for change in changes]
 
 
 def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: Mask) -> Array:
@@ -148,9 +164,10 @@ def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: 
         return best
     for factors in SEARCH:
         centre = best.copy()
-        for factor in factors:
-            start = np.clip(np.where(amplitude, factor * centre, centre), *limits)
-            gain = projector.exact_gain(simulate_change(predictor, base, space, start))
+        starts = [np.clip(np.where(amplitude, factor * centre, centre), *limits) for factor in factors]
+        columns = simulate_changes(predictor, base, space, candidate, starts)
+        for start, column in zip(starts, columns, strict=True):
+            gain = projector.exact_gain(column)
             if gain > most:
                 best, most = start, gain
     return best

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.parameters import set_values
-from evergym.discrepancy.predict import Setting
+from evergym.discrepancy.setting import Setting
 
 __all__ = ["Axis", "Space"]
 
@@ -28,6 +28,7 @@ class Axis:
         high: Largest value.
         tolerance: One standard deviation of the prior in units of z; infinite: unknown.
         step: Finite-difference step in units of z.
+        nominal: A parameter that the model sets, not the strength of a candidate.
     """
 
     path: str
@@ -37,6 +38,7 @@ class Axis:
     high: float
     tolerance: float = 1.0
     step: float = 0.3
+    nominal: bool = False
 
     def value(self, z: float) -> float:
         """Return the value at z, within the limits."""

@@ -15,9 +15,9 @@ from evergym.discrepancy.gap import Gap
 from evergym.discrepancy.hold_out import choose_held_out
 from evergym.discrepancy.locate import SIGNIFICANCE, locate
 from evergym.discrepancy.noise import ChannelNoise, estimate_noise, find_repeats, whitening_matrix
-from evergym.discrepancy.predict import Setting
 from evergym.discrepancy.regimes import REGIMES, label_regimes
 from evergym.discrepancy.residual import Measurement
+from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.space import Axis, Space
 from evergym.model import Model
 

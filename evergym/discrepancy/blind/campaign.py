@@ -24,16 +24,20 @@ from tqdm import tqdm
 from evergym.cache import compute_source_digest
 from evergym.discrepancy.blind.folders import CaseFolders, fill_folder, read_json, write_json
 from evergym.discrepancy.blind.score import CaseScore, score_case
+from evergym.discrepancy.blind.truth import Kind
 from evergym.errors import ConfigError, RunError
 
 __all__ = ["diagnose_case", "load_scores", "run_campaign"]
 
 TIME_LIMIT_S = 1800.0
 """A diagnosis that takes longer has failed."""
-SEALING_BATCH = 6
-"""Cases sealed by one process: starting one takes as long as a case."""
+HIDING = (Kind.SINGLE, Kind.TWO)
+"""Kinds of which the corrected model can come near the truth."""
+BATCH = 6
+"""Cases sealed or checked by one process: starting one takes as long as a case."""
 ENGINE = "evergym.discrepancy.diagnose"
 BASELINES = "evergym.discrepancy.blind.baselines"
+RECHECK = "evergym.discrepancy.blind.recheck"
 SEALER = "evergym.discrepancy.blind.seal"
 INHERITED = (
     "PATH",
@@ -70,11 +74,21 @@ def run_campaign(folder: Path, cases: int, seed: int, workers: int = 0, baseline
     count = workers or os.cpu_count() or 1
     all_cases = [CaseFolders(folder, index) for index in range(cases)]
     waiting = [case for case in all_cases if not (case.public.is_dir() and case.truth.is_file())]
-    batches = [waiting[i : i + SEALING_BATCH] for i in range(0, len(waiting), SEALING_BATCH)]
-    _map("sealing", lambda batch: _seal(folder, seed, batch), batches, count, sum(map(len, batches)))
+    batches = [waiting[i : i + BATCH] for i in range(0, len(waiting), BATCH)]
+    _map(
+        "sealing",
+        lambda batch: _run_module(SEALER, [str(folder), str(seed)], batch),
+        batches,
+        count,
+        sum(map(len, batches)),
+    )
     engine = _find_digest(ENGINE)
     undone = [[case] for case in all_cases if not _is_done(case, engine)]
     _map("diagnosing", lambda group: diagnose_case(group[0], engine), undone, count, len(undone))
+    done = [case for case in all_cases if (case.diagnosis / "diagnosis.json").is_file() and not case.recheck.is_file()]
+    done = [case for case in done if read_json(case.truth)["kind"] in HIDING]
+    groups = [done[i : i + BATCH] for i in range(0, len(done), BATCH)]
+    _map("checking", lambda batch: _run_module(RECHECK, [str(folder)], batch), groups, count, len(done))
     if baselines:
         # Data that the diagnosis has refused are no data for a baseline either.
         plain = [[case] for case in all_cases if not case.baselines.is_file() and read_json(case.outcome)["exit"] == 0]
@@ -104,7 +118,8 @@ def load_scores(folder: Path, cases: int | None = None, baseline: str = "") -> l
         if not baseline:
             report = case.diagnosis / "diagnosis.json"
             said = read_json(report) if report.is_file() else None
-            scores.append(score_case(case.index, truth, read_json(case.outcome), said))
+            checked = read_json(case.recheck)["ratio"] if case.recheck.is_file() else None
+            scores.append(score_case(case.index, truth, read_json(case.outcome), said, checked))
         elif case.baselines.is_file() and not truth["fault"]:
             said = read_json(case.baselines)[baseline]
             scores.append(score_case(case.index, truth, {"seconds": 0.0, "message": ""}, said))
@@ -164,12 +179,14 @@ def _call(module: str, words: Sequence[str], place: Path) -> tuple[int, str, str
     return process.returncode, output, message
 
 
-def _seal(folder: Path, seed: int, cases: Sequence[CaseFolders]) -> None:
-    arguments = [sys.executable, "-m", SEALER, str(folder), str(seed), *(str(case.index) for case in cases)]
+def _run_module(module: str, words: Sequence[str], cases: Sequence[CaseFolders]) -> None:
+    """Run a module of ours on several cases, in a process that says on stdout which it has done."""
+    arguments = [sys.executable, "-m", module, *words, *(str(case.index) for case in cases)]
     done = subprocess.run(arguments, capture_output=True, text=True, check=False)  # noqa: S603  (as above)
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise RunError(f"Case {len(done.stdout.split())} of {[case.index for case in cases]} could not be made: {last}")
+        failed = cases[min(len(done.stdout.split()), len(cases) - 1)]
+        raise RunError(f"Case {failed.index} failed in {module}: {last}")
 
 
 def _is_done(case: CaseFolders, engine: str) -> bool:

@@ -50,6 +50,11 @@ class CaseFolders:
         return self.result / "baselines.json"
 
     @property
+    def recheck(self) -> Path:
+        """How far the corrected model is from the truth."""
+        return self.result / "recheck.json"
+
+    @property
     def diagnosis(self) -> Path:
         """What the diagnosis wrote."""
         return self.result / "out"

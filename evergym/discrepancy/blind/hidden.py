@@ -126,6 +126,10 @@ HIDDEN: dict[str, HiddenEffect] = {
         WoundRoll,
         _with(lambda v: {"play_deg": 120.0 * v["mu"], "pressure_share": 0.6, "edge_share": 0.1}),
     ),
+    "wall_pretension": HiddenEffect({"moment_n_m": (1.2e-4, 2.6e-4)}, ("pressure_steps", "roll_sweep", *TENDON)),
+    "wall_creep": HiddenEffect({"share": (0.2, 0.5), "time_s": (2.0, 8.0)}, ("hold", "pressure_steps", *TENDON)),
+    "notch_closure": HiddenEffect({"curvature_1_per_m": (4.5, 7.0), "stiffness_n_m2": (2e-3, 6e-3)}, TENDON),
+    "clearance_play": HiddenEffect({"angle_deg": (1.5, 4.0)}, ("load_steps", "roll_sweep", "tendon_staircase")),
     "pressure_droop": HiddenEffect(
         {"resistance_kpa_s_mm": (3.0, 9.0)}, GROWTH, {}, OrificeDroop, _same("resistance_kpa_s_mm")
     ),

@@ -44,7 +44,8 @@ class CaseScore:
         both: Both hidden effects are named.
         both_in_sets: The same, equivalents counted.
         extra: A name is given beyond the hidden effects and their ties.
-        gap_ratio: Excess on held-out runs after over before.
+        gap_ratio: Excess on held-out runs after over before, as the diagnosis says.
+        gap_ratio_checked: The same distances, measured from the noise-free truth.
         covered: For every strength of library form, whether its 90 % interval holds the true value.
         located: The true cell is among the first two of the map.
         located_tied: The same, cells within 10 % of the true cell's difference counted.
@@ -71,6 +72,7 @@ class CaseScore:
     both_in_sets: bool | None = None
     extra: bool | None = None
     gap_ratio: float | None = None
+    gap_ratio_checked: float | None = None
     covered: tuple[bool, ...] = ()
     located: bool | None = None
     located_tied: bool | None = None
@@ -86,7 +88,11 @@ class CaseScore:
 
 
 def score_case(
-    case: int, truth: Mapping[str, Any], outcome: Mapping[str, Any], diagnosis: Mapping[str, Any] | None
+    case: int,
+    truth: Mapping[str, Any],
+    outcome: Mapping[str, Any],
+    diagnosis: Mapping[str, Any] | None,
+    checked_ratio: float | None = None,
 ) -> CaseScore:
     """Score one case.
 
@@ -95,6 +101,7 @@ def score_case(
         truth: Content of the sealed truth.json.
         outcome: Exit code, seconds, message and the names of the files that the diagnosis wrote.
         diagnosis: Content of diagnosis.json, or None.
+        checked_ratio: What `evergym.discrepancy.blind.recheck` has found for the gap.
     """
     kind = Kind(truth["kind"])
     parts = truth["parts"]
@@ -132,7 +139,12 @@ def score_case(
             abstained=base.verdict == "unknown_effect",
             confident_wrong=any(float(effect["confidence"]) >= CONFIDENT for effect in effects),
         )
-    base = dataclasses.replace(base, gap_ratio=compute_gap_ratio(diagnosis), covered=_cover(parts, effects))
+    base = dataclasses.replace(
+        base,
+        gap_ratio=compute_gap_ratio(diagnosis),
+        gap_ratio_checked=checked_ratio,
+        covered=_cover(parts, effects),
+    )
     first = _set_of(effects[0]) if effects else ()
     extra = any(not set(_set_of(effect)) & set(names) for effect in effects)
     if kind is Kind.SINGLE:

@@ -43,6 +43,7 @@ MEANINGS = {
     "two_extra": "spurious third name",
     "single_extra": "spurious second name beside a single effect",
     "gap_ratio_median": "held-out gap, after over before, median",
+    "gap_ratio_checked": "the same against the noise-free truth, median",
     "coverage_90": "90 % intervals that hold the true strength",
     "located_top2": "true cell among the two top cells of the map",
     "located_top2_tied": "true cell or one within 10 % of it",
@@ -75,6 +76,7 @@ class BlindSummary:
         rates: By the names of the contract, and some more.
         set_size_mean: Of single effects that were named.
         gap_ratio_median: Over detectable single and double effects.
+        gap_ratio_checked: The same, measured from the noise-free truth.
         seconds_per_case: Mean over cases without bad data.
         scores: All cases.
     """
@@ -84,6 +86,7 @@ class BlindSummary:
     rates: dict[str, Rate]
     set_size_mean: float | None
     gap_ratio_median: float | None
+    gap_ratio_checked: float | None
     seconds_per_case: float | None
     scores: tuple[CaseScore, ...]
 
@@ -96,6 +99,7 @@ class BlindSummary:
             **rates,
             "set_size_mean": self.set_size_mean,
             "gap_ratio_median": self.gap_ratio_median,
+            "gap_ratio_checked": self.gap_ratio_checked,
             "seconds_per_case": self.seconds_per_case,
             "list": [
                 {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
@@ -119,6 +123,7 @@ def summarise_scores(scores: Sequence[CaseScore]) -> BlindSummary:
     two = [score for score in scores if score.kind == Kind.TWO]
     usable = [score for score in scores if score.kind != Kind.FAULT]
     gaps = [score.gap_ratio for score in (*single, *two) if score.gap_ratio is not None]
+    checked = [score.gap_ratio_checked for score in (*single, *two) if score.gap_ratio_checked is not None]
     sizes = [score.set_size for score in single if score.set_size is not None]
     seconds = [score.seconds for score in usable if score.verdict != "failed"]
     rates = {
@@ -143,6 +148,7 @@ def summarise_scores(scores: Sequence[CaseScore]) -> BlindSummary:
         rates=rates,
         set_size_mean=round(float(np.mean(sizes)), 3) if sizes else None,
         gap_ratio_median=round(float(np.median(gaps)), 4) if gaps else None,
+        gap_ratio_checked=round(float(np.median(checked)), 4) if checked else None,
         seconds_per_case=round(float(np.mean(seconds)), 2) if seconds else None,
         scores=tuple(scores),
     )
