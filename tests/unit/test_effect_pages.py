@@ -1,0 +1,67 @@
+"""The list of effects explains all of them, and the committed pages say what the code says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from evergym.agents.cli import main
+from evergym.agents.effect_pages import compose_pages, describe_effect
+from evergym.agents.effect_separations import SEPARATIONS
+from evergym.effects.catalogue import EFFECTS
+from evergym.model import load_model
+
+
+def test_committed_pages_are_up_to_date(checkout: Path) -> None:
+    folder = checkout / "docs" / "effects"
+    expected = compose_pages(load_model("mammobot_2023"))
+    found = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+    stale = sorted(name for name in expected.keys() | found.keys() if expected.get(name) != found.get(name))
+    assert stale == [], "run: evergym effects --docs docs/effects"
+
+
+def test_command_writes_the_pages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["effects", "--docs", str(tmp_path / "new")]) == 0
+    expected = compose_pages(load_model("mammobot_2023"))
+    assert {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "new").iterdir()} == expected
+    assert f"{len(EFFECTS) + 1} pages" in capsys.readouterr().out
+
+
+def test_list_names_every_effect(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "250")
+    assert main(["effects"]) == 0
+    words = capsys.readouterr().out.split()
+    assert [name for name in EFFECTS if name not in words] == []
+
+
+def test_explanation_has_law_parameters_and_partners(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "250")
+    assert main(["effects", "tendon_backlash"]) == 0
+    text = capsys.readouterr().out
+    for part in ("play operator", "backlash_mm", "0.363", "tendon_stretch", "Pull, release and pull again"):
+        assert part in text
+
+
+def test_mistyped_name_is_suggested(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["effects", "tendon_backlsh"]) == 1
+    assert "Did you mean 'tendon_backlash'?" in capsys.readouterr().err
+
+
+def test_every_parameter_is_explained() -> None:
+    """With a source or marked as prior, and within limits; the pages would show an empty cell."""
+    model = load_model("mammobot_2023")
+    pages = [describe_effect(name, model) for name in EFFECTS]
+    bare = [f"{page.name}.{row.key}" for page in pages for row in page.parameters if not row.source]
+    assert bare == []
+    assert [page.name for page in pages if len(page.law) < 40 or not page.info.moves] == []
+
+
+def test_partners_know_each_other_and_can_be_separated() -> None:
+    for name, kind in EFFECTS.items():
+        assert set(kind.info.partners) <= set(EFFECTS) - {name}
+    for group in SEPARATIONS:
+        for name in group:
+            assert set(EFFECTS[name].info.partners) & set(group), f"{name} does not name a partner in {group}"
