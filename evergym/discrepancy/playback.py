@@ -14,6 +14,7 @@ from evergym.discrepancy.channels import convert_reading, read_pressure_bias
 from evergym.discrepancy.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.dataset import Run
 from evergym.discrepancy.schedule import REST_FACTOR, Step
+from evergym.eversion import EVERTED_LENGTH_MIN
 from evergym.model import Numerics
 from evergym.simulator import Command, Simulator
 from evergym.units import DEG, KPA, MM
@@ -62,12 +63,15 @@ class Playback:
         self._reading = simulator.reading
 
     def start(self) -> Array:
-        """Put the robot at rest under the run's first commands; return the first row's channels."""
+        """Put the robot at rest under the run's first commands; return the first row's channels.
+
+        A sheath that starts shorter than the simulator's shortest starts with that.
+        """
         first = make_command(self._run.commands[0], self._bias)
         for hook in self._hooks:
             hook.reset(self._run)
         self._reading = self._simulator.reset(
-            everted_length=self._run.initial_everted_length_mm * MM,
+            everted_length=max(self._run.initial_everted_length_mm * MM, EVERTED_LENGTH_MIN),
             pressure=first.pressure,
             tendon_pull=first.tendon_pull,
             roll=first.roll,

@@ -36,17 +36,30 @@ def open_world(run: Run) -> World:
     if kind == "pegs":
         return World(pegs=read_peg_table(path), gravity=gravity)
     if kind == "duct":
-        return World(wall=_read_wall(path), gravity=gravity)
+        return World(wall=_read_wall(path, _find_age(path)), gravity=gravity)
     raise ConfigError(f"Run '{run.id}': environment '{run.environment}' must be free, pegs:<file> or duct:<file>.")
 
 
-@functools.lru_cache(maxsize=32)
 def read_peg_table(path: Path) -> Array:
     """Return the pegs of a table with x_mm, z_mm, diameter_mm as rows (point, axis, radius) [m], shape (k, 7).
 
     Raises:
         ConfigError: the file is missing, or a row or column of it is wrong.
     """
+    return _read_pegs(path, _find_age(path))
+
+
+def _find_age(path: Path) -> int:
+    """Return when a file was changed, so that what is kept of it is not older; -1 where it is missing."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return -1
+
+
+@functools.lru_cache(maxsize=32)
+def _read_pegs(path: Path, age: int) -> Array:
+    del age
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -74,5 +87,6 @@ def read_peg_table(path: Path) -> Array:
 
 
 @functools.lru_cache(maxsize=4)
-def _read_wall(path: Path) -> WallField:
+def _read_wall(path: Path, age: int) -> WallField:
+    del age
     return load_duct(path).field

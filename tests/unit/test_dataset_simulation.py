@@ -325,3 +325,30 @@ def test_a_play_taken_up_within_a_joined_step_is_seen() -> None:
     joined = simulate_run(MODEL, run)
     single = simulate_run(MODEL, run, dataclasses.replace(choose_numerics(MODEL, "full"), step_s=0.02))
     assert np.abs(joined - single)[:, : CHANNELS.index("growth_speed_mm_s")].max() < 0.02
+
+
+def test_a_sheath_may_start_from_nothing() -> None:
+    """The simulator's shortest sheath is 2 mm: where less is written, it starts there."""
+    run = make_run(np.array([0.0, 5.0]), "sheath", 0.0, tail_feed_mm_s=5.8, pressure_kpa=40.0)
+    prediction = try_simulate_run(MODEL, run)
+    assert prediction.failure == ""
+    length = channel(prediction.channels, "everted_length_mm")
+    assert length[0] == pytest.approx(2.0)
+    assert length[1] > 5.0
+
+
+@pytest.mark.parametrize(
+    "commands",
+    [
+        {"pressure_kpa": -20.0},
+        {"tendon_pull_mm": -3.0},
+        {"insertion_mm_s": -5.0},
+        {"insertion_mm_s": 30.0, "pressure_kpa": 40.0},
+        {"pressure_kpa": 100.0},
+        {"tendon_pull_mm": 20.0, "load_z_n": -0.5},
+    ],
+    ids=["suction", "slack", "withdrawal", "far beyond the sheath", "burst", "overload"],
+)
+def test_commands_beyond_the_robot_give_numbers_or_a_reason(commands: dict[str, float]) -> None:
+    prediction = try_simulate_run(MODEL, make_run(np.arange(0.0, 10.0, 0.5), **commands))  # type: ignore[arg-type]
+    assert np.isfinite(prediction.channels).all() or prediction.failure
