@@ -25,6 +25,18 @@ MAGNITUDES = (1.0, 0.25)
 """Strengths at which an effect is tried first, in units of its typical one: dead bands are silent at small ones."""
 TURN_DEG = 45.0
 """Scale of a direction in a fit [deg]."""
+GRID_HZ, GRID_COUNT = 0.1, 20
+"""Frequencies are tried on a grid: those of runs of 10 s are that sharp."""
+SHAPES = (0.0, -1.2, 2.0)
+"""Starts of a parameter that shapes an effect: typical, 0.4 and 2 times as much."""
+TYPICAL_SCALES = {
+    "effects.tendon_backlash.lost_motion_mm": 1.0,
+    "effects.tail_coulomb_friction.pressure_gradient_per_mm": 0.01,
+    "effects.tail_coulomb_friction.yield_growth_per_mm": 0.02,
+    "effects.wall_pretension.moment_n_m": 2e-4,
+    "effects.wall_pretension.step_moment_n_m": 2e-4,
+}
+"""Visible values of amplitudes for which the catalogue gives no typical one."""
 SHAPE_TOLERANCE = 2.0
 """Prior of a parameter that shapes an effect (a time, a width), in units of half its typical value."""
 
@@ -73,22 +85,24 @@ def find_candidates(model: Model, user_effects: Mapping[str, UserEffect] | None 
 
 
 def make_candidate(name: str) -> Candidate:
-    """Return an effect of the catalogue as a candidate."""
+    """Return an effect of the catalogue as a candidate.
+
+    Its unknowns are those of the catalogue, further amplitudes (an effect may act in several ways) and its direction;
+    the rest keeps what is typical.
+    """
     kind = EFFECTS[name]
     info = kind.info
     prefix = f"effects.{name}."
     off = {prefix + key: value for key, value in info.off.items()}
-    typical = {prefix + key: value for key, value in info.typical.items()}
-    fitted = dict.fromkeys(prefix + key for key in info.strength)
-    defaults = {prefix + f.name: f.default for f in dataclasses.fields(kind)}
-    # What is neither fitted nor typical keeps the default of the catalogue; switches go to "on".
-    fixed = {path: typical.get(path, value) for path, value in defaults.items() if path not in fitted}
-    for path, value in off.items():
-        if isinstance(value, bool):
-            fitted.pop(path, None)
-            fixed[path] = not value
-    infos = {path: find_info(path) for path in fitted}
-    return _build(name, infos, off, {**defaults, **typical}, fixed, tuple(info.partners))
+    defaults = {prefix + field.name: field.default for field in dataclasses.fields(kind)}
+    typical = {**defaults, **off, **{prefix + key: value for key, value in info.typical.items()}}
+    further = [path for path, value in off.items() if not isinstance(value, bool)]
+    further += [path for path in defaults if path.endswith("direction_deg")]
+    fitted = dict.fromkeys([prefix + key for key in info.strength] + further)
+    switches = {path: not value for path, value in off.items() if isinstance(value, bool)}
+    fitted = {path: None for path in fitted if path not in switches}
+    fixed = {path: value for path, value in typical.items() if path not in fitted} | switches
+    return _build(name, {path: find_info(path) for path in fitted}, off, typical, fixed, tuple(info.partners))
 
 
 def _build(
@@ -116,10 +130,12 @@ def _make_axis(path: str, info: ParameterInfo, off: object, typical: object) -> 
     high = info.high if info.high is not None else np.inf
     if off is not None:
         zero = float(off)  # type: ignore[arg-type]
-        scale = value - zero if value != zero else _default_scale(low, high, zero)
+        scale = value - zero if value != zero else TYPICAL_SCALES.get(path, _default_scale(low, high, zero))
         return Axis(path, zero, scale, low, high, tolerance=30.0, step=0.1)
-    if path.endswith("_deg") and high - low >= 180.0:
-        return Axis(path, value, TURN_DEG, low, high, tolerance=np.inf, step=0.2)
+    if path.endswith("_hz"):
+        return Axis(path, value, GRID_HZ, low, high, tolerance=np.inf, step=0.1)
+    if path.endswith("direction_deg"):
+        return Axis(path, value, TURN_DEG, low - 360.0, high + 360.0, tolerance=np.inf, step=0.2)
     scale = 0.5 * abs(value) or _default_scale(low, high, value)
     return Axis(path, value, scale, low, high, tolerance=SHAPE_TOLERANCE, step=0.2)
 
@@ -130,29 +146,30 @@ def _default_scale(low: float, high: float, origin: float) -> float:
 
 
 def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool]) -> list[tuple[float, ...]]:
-    """Return starts: all amplitudes together, and each alone; both signs where allowed; directions all around."""
+    """Return starts: every amplitude alone, in both signs where allowed, and a few values of what shapes the effect."""
     places = [i for i, is_amplitude in enumerate(amplitude) if is_amplitude]
-    if not places:
-        return [tuple(0.0 for _ in axes)]
-    subsets = [[place] for place in places]
-    if len(places) > 1:
-        subsets.append(places)
-    turns: list[tuple[float, ...]] = [
-        (0.0, 2.0, 4.0, 6.0) if axis.path.endswith("_deg") and not is_amplitude and np.isinf(axis.tolerance) else (0.0,)
+    signed = any(axes[place].z_limits[0] <= -1.0 for place in places)
+    shapes = [
+        (0.0,) if is_amplitude else _shape_starts(axis, signed)
         for axis, is_amplitude in zip(axes, amplitude, strict=True)
     ]
-    starts = []
-    for magnitude, subset in itertools.product(MAGNITUDES, subsets[::-1]):  # all at once and strongest first
-        signed = all(axes[place].z_limits[0] <= -magnitude for place in subset)
-        for sign, turn in itertools.product((1.0, -1.0) if signed else (1.0,), itertools.product(*turns)):
-            z = list(turn)
-            for place in subset:
+    gridded = any(axis.path.endswith("_hz") for axis in axes)
+    magnitudes = MAGNITUDES[:1] if gridded else MAGNITUDES
+    starts: list[tuple[float, ...]] = []
+    for magnitude, place, shape in itertools.product(magnitudes, places or [-1], itertools.product(*shapes)):
+        for sign in (1.0, -1.0):
+            z = list(shape)
+            if place >= 0:
                 z[place] = sign * magnitude
-            inside = (
-                axis.z_limits[0] <= x <= axis.z_limits[1] or axis.z_limits[0] <= x - 8.0 <= axis.z_limits[1]
-                for axis, x in zip(axes, z, strict=True)
-            )
-            if all(inside):
-                wrapped = [x if x <= axis.z_limits[1] else x - 8.0 for axis, x in zip(axes, z, strict=True)]
-                starts.append(tuple(wrapped))
+            inside = all(axis.z_limits[0] <= x <= axis.z_limits[1] for axis, x in zip(axes, z, strict=True))
+            if inside and tuple(z) not in starts:
+                starts.append(tuple(z))
     return starts
+
+
+def _shape_starts(axis: Axis, signed: bool) -> tuple[float, ...]:
+    if axis.path.endswith("_hz"):
+        return tuple((k * GRID_HZ - axis.origin) / axis.scale for k in range(1, GRID_COUNT + 1))
+    if axis.path.endswith("direction_deg"):
+        return (0.0, 2.0) if signed else (0.0, 2.0, 4.0, -2.0)
+    return SHAPES

@@ -28,6 +28,7 @@ from evergym.discrepancy.hook import UserEffect, load_user_effects
 from evergym.discrepancy.locate import Cell, locate
 from evergym.discrepancy.next_experiment import NextExperiment, choose_next
 from evergym.discrepancy.noise import NoiseModel, estimate_noise
+from evergym.discrepancy.numerics_check import choose_fidelities
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.profiles import list_profiles, to_columns
 from evergym.discrepancy.report import write_report
@@ -120,8 +121,11 @@ def run_stages(
 
 def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, thresholds: Thresholds, tell: Stage) -> Evidence:
     begin = time.monotonic()
-    dataset, measurement = predictor.dataset, predictor.measurement
-    tell("recalibration", 0.02)
+    dataset = predictor.dataset
+    tell("numerics", 0.01)
+    numerics = choose_fidelities(predictor, Setting(model))
+    measurement = predictor.measurement = Measurement(dataset, noise, numerics.spread)
+    tell("recalibration", 0.04)
     sensitivity = find_sensitivity(predictor, Setting(model))
     split = split_samples(dataset, measurement, sensitivity.jacobian)
     calibration = calibrate(predictor, sensitivity, split.use)
@@ -171,6 +175,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         gap=gap,
         calibration=tuple(calibration.estimates(final.fit)),
         silent=calibration.silent,
+        numerics_error=max(numerics.errors.values(), default=0.0),
         candidates=tuple(rows),
         next_experiment={"why": upcoming.why, "commands": NEXT_FILE} if upcoming else None,
         rows_set_aside=dataset.set_aside,

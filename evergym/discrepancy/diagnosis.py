@@ -56,6 +56,7 @@ class Diagnosis:
         gap: On experiments used neither to choose nor to fit; None if there were too few.
         calibration: Recalibrated nominal parameters.
         silent: Nominal parameters that these runs do not feel.
+        numerics_error: Largest rms difference of the simulations from finer ones, in any run and channel [sigma].
         candidates: What became of every candidate.
         next_experiment: Why, and the file of commands; None where nothing is left to separate.
         rows_set_aside: (row, why) of impossible rows.
@@ -72,6 +73,7 @@ class Diagnosis:
     gap: Gap | None
     calibration: tuple[ParameterEstimate, ...]
     silent: tuple[str, ...]
+    numerics_error: float
     candidates: tuple[CandidateRow, ...]
     next_experiment: Mapping[str, str] | None
     rows_set_aside: tuple[tuple[int, str], ...]
@@ -123,6 +125,7 @@ class Diagnosis:
                 }
                 for row in self.candidates
             ],
+            "numerics_error_sigma": _round(self.numerics_error),
             "rows_set_aside": [{"row": row, "why": why} for row, why in self.rows_set_aside],
             "simulations": self.simulations,
             "seconds": round(self.seconds, 1),

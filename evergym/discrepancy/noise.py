@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Dataset, Run
 
-__all__ = ["ChannelNoise", "NoiseModel", "estimate_noise", "find_repeats"]
+__all__ = ["ChannelNoise", "NoiseModel", "estimate_noise", "find_repeats", "whitening_matrix"]
 
 Array = NDArray[np.float64]
 
@@ -156,11 +156,18 @@ def _apply_floor(values: Array, floor: float, repeats: int) -> ChannelNoise:
     return ChannelNoise(white, wander, time_s, offset, repeats)
 
 
-def whitening_matrix(noise: ChannelNoise, time: Array) -> Array:
-    """Return the matrix that turns this noise at these times into independent unit noise, shape (k, k)."""
+def whitening_matrix(noise: ChannelNoise, time: Array, common: Array | None = None) -> Array:
+    """Return the matrix that turns noise at these times into independent unit noise, shape (k, k).
+
+    Args:
+        noise: Of the channel.
+        time: Of the samples [s], (k,).
+        common: One standard deviation of a further error with this course [channel's unit], (k,); None: none.
+    """
     matrix = noise.covariance(time)
-    floor = 1e-6 * noise.total**2
-    matrix[np.diag_indices(len(time))] += floor
+    matrix[np.diag_indices(len(time))] += 1e-6 * noise.total**2
+    if common is not None:
+        matrix += np.outer(common, common)
     factor = np.linalg.cholesky(matrix)
     inverse: Array = solve_triangular(factor, np.eye(len(time)), lower=True)
     return inverse

@@ -33,11 +33,11 @@ class Predictor:
         dataset: The runs.
         measurement: Which samples are wanted.
         user_effects: The user's own effects by name.
-        fidelity: How finely to simulate.
         jobs: Processes; 1: none beside this one. With more, `close` must be called in the end.
         on_simulation: Called with the number of runs simulated so far.
 
     Attributes:
+        fidelities: How finely each run is simulated.
         simulations: Runs simulated so far.
         failures: Why simulations stopped early, newest last.
     """
@@ -47,13 +47,12 @@ class Predictor:
         dataset: Dataset,
         measurement: Measurement,
         user_effects: Mapping[str, UserEffect] | None = None,
-        fidelity: Fidelity = Fidelity.FAST,
         jobs: int = 1,
         on_simulation: Callable[[int], None] | None = None,
     ) -> None:
         self.dataset, self.measurement = dataset, measurement
         self.user_effects = dict(user_effects or {})
-        self.fidelity = fidelity
+        self.fidelities = [Fidelity.FAST for _ in dataset.runs]
         self.simulations = 0
         self.failures: list[str] = []
         self._on_simulation = on_simulation
@@ -70,8 +69,12 @@ class Predictor:
         self._workers.close()
 
     def predict(self, setting: Setting, fidelity: Fidelity | None = None) -> Array:
-        """Return the predicted value of every measured sample, shape (n,); NaN where the simulation failed."""
-        fidelity = self.fidelity if fidelity is None else fidelity
+        """Return the predicted value of every measured sample, shape (n,); NaN where the simulation failed.
+
+        Args:
+            setting: Model and the user's own effects.
+            fidelity: For all runs; None: each run's own.
+        """
         indices = range(len(self.dataset.runs))
         self._prefetch(((setting, index) for index in indices), fidelity)
         return self.measurement.flatten([self._predict_run(setting, index, fidelity) for index in indices])
@@ -91,12 +94,12 @@ class Predictor:
         indices = range(len(self.dataset.runs))
         wanted = [(setting, index) for index in indices]
         wanted += [(moved, i) for name, moved in moves for i in indices if (name, self._twin[i]) not in self._inert]
-        self._prefetch(wanted, self.fidelity)
+        self._prefetch(wanted, None)
         return [self._change(name, moved, setting, mark_inert) for name, moved in moves]
 
     def simulate(self, setting: Setting, run: Run, fidelity: Fidelity | None = None) -> Array:
         """Return the predicted channels of any run, of the dataset or not, shape (k, 9); it is not remembered."""
-        prediction = simulate_setting(setting, run, fidelity or self.fidelity, self.user_effects)
+        prediction = simulate_setting(setting, run, fidelity or Fidelity.FAST, self.user_effects)
         self._count(prediction)
         return prediction.channels
 
@@ -106,24 +109,28 @@ class Predictor:
             if (name, self._twin[index]) in self._inert:
                 tables.append(np.zeros((len(run.time_s), len(CHANNELS))))
                 continue
-            change = self._predict_run(moved, index, self.fidelity) - self._predict_run(setting, index, self.fidelity)
+            change = self._predict_run(moved, index, None) - self._predict_run(setting, index, None)
             if mark_inert and not change.any():
                 self._inert.add((name, self._twin[index]))
             tables.append(change)
         return self.measurement.flatten(tables)
 
-    def _predict_run(self, setting: Setting, index: int, fidelity: Fidelity) -> Array:
+    def _key(self, setting: Setting, index: int, fidelity: Fidelity | None) -> tuple[Setting, int, Fidelity]:
         index = self._twin[index]  # repeats are one simulation
-        table = self._cache.get((setting, index, fidelity))
+        return setting, index, self.fidelities[index] if fidelity is None else fidelity
+
+    def _predict_run(self, setting: Setting, index: int, fidelity: Fidelity | None) -> Array:
+        key = self._key(setting, index, fidelity)
+        table = self._cache.get(key)
         if table is None:
-            prediction = simulate_setting(setting, self.dataset.runs[index], fidelity, self.user_effects)
-            table = self._keep((setting, index, fidelity), prediction)
+            prediction = simulate_setting(setting, self.dataset.runs[key[1]], key[2], self.user_effects)
+            table = self._keep(key, prediction)
         return table
 
-    def _prefetch(self, wanted: Iterable[tuple[Setting, int]], fidelity: Fidelity) -> None:
+    def _prefetch(self, wanted: Iterable[tuple[Setting, int]], fidelity: Fidelity | None) -> None:
         if not self._workers.active:
             return
-        keys = dict.fromkeys((setting, self._twin[index], fidelity) for setting, index in wanted)
+        keys = dict.fromkeys(self._key(setting, index, fidelity) for setting, index in wanted)
         missing = [key for key in keys if key not in self._cache]
         if len(missing) > 1:
             for key, prediction in zip(missing, self._workers.simulate(missing), strict=True):

@@ -38,6 +38,8 @@ class Measurement:
     Args:
         dataset: The runs.
         noise: Their noise.
+        numerics: One standard deviation of what discretisation does to each sample, signed [channel's unit], (n,): it
+            counts as noise that is the same throughout a run. None: nothing.
 
     Attributes:
         value: Measured, in the channels' units, shape (n,).
@@ -49,11 +51,11 @@ class Measurement:
         experiments: Names, in the order of their first run.
     """
 
-    def __init__(self, dataset: Dataset, noise: NoiseModel) -> None:
+    def __init__(self, dataset: Dataset, noise: NoiseModel, numerics: Array | None = None) -> None:
         self.experiments = tuple(dict.fromkeys(run.experiment for run in dataset.runs))
         self._segments: list[_Segment] = []
         runs, channels, rows, sigma = [], [], [], []
-        known: dict[tuple[bytes, str], Array] = {}
+        known: dict[tuple[bytes, bytes, str], Array] = {}
         stop = 0
         for index, run in enumerate(dataset.runs):
             for name in dataset.channels:
@@ -62,15 +64,16 @@ class Measurement:
                 pieces = np.array_split(finite, max(1, int(np.ceil(len(finite) / BLOCK_MAX)))) if len(finite) else []
                 for piece in pieces:
                     time = run.time_s[piece] - run.time_s[piece[0]]
-                    key = (np.round(time, 6).tobytes(), name)
-                    if key not in known:
-                        known[key] = whitening_matrix(noise.channels[name], time)
                     start, stop = stop, stop + len(piece)
+                    shape = np.zeros(len(piece)) if numerics is None else numerics[start:stop]
+                    key = (np.round(time, 6).tobytes(), shape.tobytes(), name)
+                    if key not in known:
+                        known[key] = whitening_matrix(noise.channels[name], time, shape)
                     self._segments.append(_Segment(piece, start, stop, known[key]))
                     runs.append(np.full(len(piece), index))
                     channels.append(np.full(len(piece), channel))
                     rows.append(piece)
-                    sigma.append(np.full(len(piece), noise.channels[name].total))
+                    sigma.append(np.hypot(noise.channels[name].total, shape))
         self.run = _join(runs)
         self.channel = _join(channels)
         self.row = _join(rows)

@@ -1,0 +1,65 @@
+"""Compare with a finer simulation first: numerics must not pass for physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.discrepancy.predict import Predictor
+from evergym.discrepancy.rig import Fidelity
+from evergym.discrepancy.setting import Setting
+
+__all__ = ["NumericsCheck", "choose_fidelities"]
+
+Array = NDArray[np.float64]
+
+ERROR_MAX = 0.5
+"""Largest rms difference from the finest simulation [sigma], in any channel, of the fidelity that a run is given."""
+SPREAD = 0.75
+"""One standard deviation of what discretisation does to a sample, as a share of the largest difference between
+fidelities. It does not fall steadily: where a stiff part ends within a section depends on where the sections lie."""
+
+
+@dataclass(frozen=True)
+class NumericsCheck:
+    """How finely each run is simulated.
+
+    Attributes:
+        chosen: The coarsest fidelity that is fine enough, by run id.
+        errors: Rms difference of it from the finest, in the worst channel [sigma], by run id.
+        spread: What discretisation does to each sample, one standard deviation, signed [channel's unit], (n,).
+    """
+
+    chosen: Mapping[str, Fidelity]
+    errors: Mapping[str, float]
+    spread: Array
+
+
+def choose_fidelities(predictor: Predictor, setting: Setting) -> NumericsCheck:
+    """Give every run the coarsest fidelity whose prediction is that of the finest, to a fraction of the noise."""
+    finest = predictor.predict(setting, Fidelity.FINE)
+    tried = {fidelity: predictor.predict(setting, fidelity) - finest for fidelity in (Fidelity.FAST, Fidelity.STANDARD)}
+    chosen, errors = {}, {}
+    for index, run in enumerate(predictor.dataset.runs):
+        fidelity, error = Fidelity.FINE, 0.0
+        for candidate, difference in tried.items():
+            worst = _worst(predictor, difference, index)
+            if worst <= ERROR_MAX:
+                fidelity, error = candidate, worst
+                break
+        predictor.fidelities[index] = fidelity
+        chosen[run.id], errors[run.id] = fidelity, error
+    fast, standard = (np.where(np.isfinite(difference), difference, 0.0) for difference in tried.values())
+    spread = SPREAD * np.where(np.abs(fast) >= np.abs(standard), fast, standard)
+    return NumericsCheck(chosen, errors, spread)
+
+
+def _worst(predictor: Predictor, difference: Array, run: int) -> float:
+    measurement = predictor.measurement
+    mine = measurement.run == run
+    scaled = np.where(np.isfinite(difference), difference, 0.0) / measurement.sigma
+    squares = [np.mean(scaled[mine & (measurement.channel == c)] ** 2) for c in set(measurement.channel[mine].tolist())]
+    return float(np.sqrt(max(squares, default=0.0)))
