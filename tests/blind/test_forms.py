@@ -79,11 +79,12 @@ def test_every_other_form_is_like_its_effect_and_not_the_same(name: str) -> None
     assert hidden.form is not None and hidden.form_values is not None
     missing, library = play(base, run), play(model, run)
     other = play(base, run, hidden.form(hidden.form_values(DRAWN[name], base)))
-    effect = float(np.nanmax(np.abs(library - missing)))
-    change = np.nanmax(np.abs(other - library))
-    assert effect > 0.3
-    assert change > 0.01 * effect
-    assert np.sqrt(np.nanmean((other - library) ** 2)) < 0.8 * np.sqrt(np.nanmean((library - missing) ** 2))
+    # In the channel that the effect moves most.
+    place = int(np.argmax(np.nanmax(np.abs(library - missing), axis=0)))
+    effect, change = (library - missing)[:, place], (other - library)[:, place]
+    assert np.abs(effect).max() > 0.3
+    assert np.abs(change).max() > 0.01 * np.abs(effect).max()
+    assert np.sqrt(np.mean(change**2)) < np.sqrt(np.mean(effect**2))  # nearer to the effect than to nothing
 
 
 @pytest.mark.parametrize("name", OUTSIDE)

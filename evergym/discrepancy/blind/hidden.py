@@ -12,9 +12,9 @@ from evergym.discrepancy.blind.pressure_forms import (
     OrificeDroop,
     SecondOrderLag,
     SoftBias,
+    StickyAngle,
     ThrottledLeak,
     TriangleRipple,
-    TruncatedAngle,
 )
 from evergym.discrepancy.blind.tendon_forms import DahlTendon, SmoothPlay, StiffeningLine, WoundRoll
 from evergym.effects.catalogue import Effects
@@ -120,16 +120,16 @@ HIDDEN: dict[str, HiddenEffect] = {
         needs=("tendon_stretch",),
     ),
     "torsional_windup": HiddenEffect(
-        {"mu": (0.05, 0.15)},
+        {"mu": (0.15, 0.4)},
         ("roll_sweep",),
         {},
         WoundRoll,
-        _with(lambda v: {"play_deg": 120.0 * v["mu"], "pressure_share": 0.6, "edge_share": 0.1}),
+        _with(lambda v: {"play_deg": 37.0 * v["mu"], "pressure_share": 0.85, "edge_share": 0.1}),
     ),
-    "wall_pretension": HiddenEffect({"moment_n_m": (1.2e-4, 2.6e-4)}, ("pressure_steps", "roll_sweep", *TENDON)),
-    "wall_creep": HiddenEffect({"share": (0.2, 0.5), "time_s": (2.0, 8.0)}, ("hold", "pressure_steps", *TENDON)),
-    "notch_closure": HiddenEffect({"curvature_1_per_m": (4.5, 7.0), "stiffness_n_m2": (2e-3, 6e-3)}, TENDON),
-    "clearance_play": HiddenEffect({"angle_deg": (1.5, 4.0)}, ("load_steps", "roll_sweep", "tendon_staircase")),
+    "wall_pretension": HiddenEffect({"eccentricity_mm": (0.4, 1.0)}, ("pressure_steps", "roll_sweep", *TENDON)),
+    "wall_creep": HiddenEffect({"share": (0.3, 0.7), "time_s": (2.0, 8.0)}, ("hold", "pressure_steps", *TENDON)),
+    "notch_closure": HiddenEffect({"curvature_1_per_m": (4.0, 7.0)}, TENDON, {"stiffness_n_m2": 2e-3}),
+    "clearance_play": HiddenEffect({"angle_deg": (2.0, 5.0)}, ("load_steps", "roll_sweep", "tendon_staircase")),
     "pressure_droop": HiddenEffect(
         {"resistance_kpa_s_mm": (3.0, 9.0)}, GROWTH, {}, OrificeDroop, _same("resistance_kpa_s_mm")
     ),
@@ -141,8 +141,10 @@ HIDDEN: dict[str, HiddenEffect] = {
         _same("amplitude_kpa", "frequency_hz"),
     ),
     "pressure_leak": HiddenEffect({"share": (0.1, 0.3)}, PRESSURE, {}, ThrottledLeak, _same("share")),
-    "pressure_bias": HiddenEffect({"bias_kpa": (1.5, 5.0)}, PRESSURE, {}, SoftBias, _same("bias_kpa")),
-    "angle_quantisation": HiddenEffect({"step_deg": (4.0, 8.0)}, TENDON, {}, TruncatedAngle, _same("step_deg")),
+    "pressure_bias": HiddenEffect(
+        {"bias_kpa": (1.5, 5.0)}, ("growth_threshold", "growth", *PRESSURE), {}, SoftBias, _same("bias_kpa")
+    ),
+    "angle_quantisation": HiddenEffect({"step_deg": (4.0, 8.0)}, TENDON, {}, StickyAngle, _same("step_deg")),
 }
 """Effects by name; those that this version of the library lacks are left out by `list_hidden`.
 

@@ -6,15 +6,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from evergym.discrepancy.blind.alteration import Alteration, Array
 from evergym.discrepancy.blind.plan import PlannedRun
 from evergym.discrepancy.columns import ANGLES, channel_index
 from evergym.simulator import Command, Simulator
 from evergym.units import KPA, MM
 
-__all__ = ["OrificeDroop", "SecondOrderLag", "SoftBias", "ThrottledLeak", "TriangleRipple", "TruncatedAngle"]
+__all__ = ["OrificeDroop", "SecondOrderLag", "SoftBias", "StickyAngle", "ThrottledLeak", "TriangleRipple"]
 
 GAUGE = channel_index("pressure_measured_kpa")
 
@@ -65,32 +63,44 @@ class ThrottledLeak(Alteration):
 
 
 class SoftBias(Alteration):
-    """A gauge whose bias builds up over the first kilopascals; the regulator believes it. Values: bias_kpa."""
+    """A gauge whose bias builds up with the reading; the regulator believes it. Values: bias_kpa (at 25 kPa)."""
 
-    RISE_KPA = 3.0
+    RISE_KPA = 12.0
 
     def _bias(self, reading_kpa: float) -> float:
-        return self.values["bias_kpa"] * -math.expm1(-max(reading_kpa, 0.0) / self.RISE_KPA)
+        whole = -math.expm1(-25.0 / self.RISE_KPA)
+        return self.values["bias_kpa"] * -math.expm1(-max(reading_kpa, 0.0) / self.RISE_KPA) / whole
 
     def alter_command(self, time: float, dt: float, command: Command, simulator: Simulator) -> Command:
         return replace(command, pressure=command.pressure - self._bias(command.pressure / KPA) * KPA)
 
     def alter_channels(self, time: float, channels: Array, simulator: Simulator) -> Array:
         channels = channels.copy()
-        channels[GAUGE] += self._bias(channels[GAUGE] + self.values["bias_kpa"])
+        # The reading r of a pressure p: r - bias(r) = p, by iteration, since the bias rises less than r.
+        reading = channels[GAUGE]
+        for _ in range(60):
+            reading = channels[GAUGE] + self._bias(reading)
+        channels[GAUGE] = reading
         return channels
 
 
-class TruncatedAngle(Alteration):
-    """Angles read off a scale by cutting the fraction, not by rounding. Values: step_deg."""
+class StickyAngle(Alteration):
+    """A needle that jumps to the nearest mark only when the angle is well past the middle. Values: step_deg."""
+
+    CATCH_SHARE = 0.65  # of a step, by which the angle must leave a mark
+
+    def begin(self, plan: PlannedRun, first: Command, clock: float) -> None:
+        self._marks = dict.fromkeys(ANGLES[1:], math.nan)
 
     def alter_channels(self, time: float, channels: Array, simulator: Simulator) -> Array:
         channels = channels.copy()
-        angle, chord, curvature = (channel_index(f) for f in ("tip_angle_deg", "bending_angle_deg", ANGLES[0]))
+        curvature, angle, _ = (channel_index(name) for name in ANGLES)
+        free_length = channels[angle] / channels[curvature] if channels[curvature] != 0.0 else math.inf
         step = self.values["step_deg"]
-        read = math.floor(channels[angle] / step) * step
-        if channels[angle] > 0.0:
-            channels[curvature] *= read / channels[angle]
-        channels[angle] = read
-        channels[chord] = np.floor(channels[chord] / step) * step
+        for name, mark in self._marks.items():
+            index = channel_index(name)
+            if math.isnan(mark) or abs(channels[index] - mark) > self.CATCH_SHARE * step:
+                self._marks[name] = round(channels[index] / step) * step
+            channels[index] = self._marks[name]
+        channels[curvature] = channels[angle] / free_length
         return channels
