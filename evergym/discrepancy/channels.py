@@ -11,7 +11,7 @@ from evergym.discrepancy.columns import CHANNELS
 from evergym.simulator import Reading, Simulator
 from evergym.units import DEG, KPA, MM
 
-__all__ = ["convert_reading", "measure_angle", "read_channels", "read_pressure_bias"]
+__all__ = ["convert_reading", "measure_angle", "read_channels"]
 
 Array = NDArray[np.float64]
 
@@ -23,8 +23,8 @@ def read_channels(simulator: Simulator, signed: bool = False) -> Array:
     the chord from the port to the tip, 0 to 180 degrees; with ``signed`` they are seen along -y by a camera beside the
     bench, positive towards +x, as in the paper's figures.
 
-    The sensor effects act here: `pressure_bias` shifts the gauge, `angle_quantisation` rounds the angles (and with them
-    the curvature, which is read as an angle).
+    The sensor effects act here: `pressure_bias` shifts what the gauge reads (the simulator shifts the pressure itself,
+    since the regulator trusts the gauge), `angle_quantisation` rounds the tip's angle, and with it the curvature.
     """
     return convert_reading(simulator, simulator.reading, signed)
 
@@ -35,10 +35,8 @@ def convert_reading(simulator: Simulator, reading: Reading, signed: bool = False
     free_length = float(state.length[: int(state.links[0])].sum())
     tip_angle = measure_angle(reading.tip_direction, signed)
     chord_angle = measure_angle(reading.tip_position, signed)
-    step = _read_effect(simulator, "angle_quantisation", "step_deg")
-    if step > 0.0:
-        tip_angle = round(tip_angle / step) * step
-        chord_angle = round(chord_angle / step) * step
+    effects = simulator.model.effects
+    tip_angle = effects.angle_quantisation.read(tip_angle)
     channels = np.empty(len(CHANNELS))
     channels[0:3] = reading.tip_position
     channels[0:3] /= MM
@@ -47,7 +45,7 @@ def convert_reading(simulator: Simulator, reading: Reading, signed: bool = False
     channels[5] = tip_angle * DEG / free_length
     channels[6] = tip_angle
     channels[7] = chord_angle
-    channels[8] = reading.pressure / KPA + read_pressure_bias(simulator)
+    channels[8] = reading.pressure / KPA + effects.pressure_bias.bias_kpa
     return channels
 
 
@@ -57,12 +55,3 @@ def measure_angle(direction: Array, signed: bool) -> float:
     if signed:
         return math.atan2(x, z) / DEG
     return math.atan2(math.hypot(x, y), z) / DEG
-
-
-def read_pressure_bias(simulator: Simulator) -> float:
-    """Return what the gauge reads beyond the pressure in the sheath [kPa]."""
-    return _read_effect(simulator, "pressure_bias", "bias_kpa")
-
-
-def _read_effect(simulator: Simulator, effect: str, parameter: str) -> float:
-    return float(getattr(getattr(simulator.model.effects, effect, None), parameter, 0.0))

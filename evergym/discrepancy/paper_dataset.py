@@ -35,15 +35,19 @@ DROOP_NOISE_DEG = 0.5 / math.sqrt(12.0)
 SHORTEST_SHEATH_MM = 2.0
 """The shortest that the simulator's sheath can be; the paper's growth starts at 0 mm."""
 GRAVITY = 9.81
+UNLOADED_GRAVITY = (-GRAVITY, 0.0, 0.0)
+REMOVED_TENDON_PULL_MM = -5.0
+"""So slack that no load on a catheter of 95 mm tightens the tendon: 90 degrees lengthen its way by 1.2 mm."""
 
 DESCRIPTION = """\
 Figures 6 to 11 of Wu et al., RA-L 8(2):1005-1012, 2023, doi 10.1109/LRA.2023.3234823 (CC BY 4.0), digitised.
 Angles are signed, positive towards the tendon's side (+x); the 12 degrees of the unloaded, unpulled robot that the \
 authors subtract are added again.
-Assumed, because the paper does not say: loads are dead weights that hang in the bend plane, so gravity points along \
-them (Figs. 6, 11) and along the droop (Fig. 9), else across the bend plane; the feed of Fig. 8 is that of the tail.
-Left out: Fig. 6, load opposite, whose tendon was removed (which a dataset cannot say, and the tendon would carry part \
-of that load); Fig. 8b and c, which follow from Fig. 8a; the first point of each curve of Fig. 8a, at 0 mm."""
+Assumed, because the paper does not say: the bend plane is vertical, loads are dead weights, and without a load the \
+tendon's side is up, so gravity points along the load, else towards -x; the feed of Fig. 8 is that of the tail, and \
+its lengths are grown from the 2 mm that the simulator's shortest sheath has. The removed tendon of Fig. 6 is one \
+slackened by 5 mm.
+Left out: Fig. 8b and c, which follow from Fig. 8a, and the first point of each curve of Fig. 8a, which is zero."""
 
 
 def export_paper(folder: str | Path, figures: Sequence[str] | None = None, overwrite: bool = False) -> Path:
@@ -83,11 +87,12 @@ def make_paper_runs(figures: Sequence[str] | None = None) -> tuple[Run, ...]:
 
 def _make_fig6() -> Iterable[Run]:
     table = read_table("fig6")
-    for direction, axis, sign in (("toward", "x", 1.0), ("90deg", "y", -1.0)):
+    for direction, axis, sign in (("toward", "x", 1.0), ("opposite", "x", -1.0), ("90deg", "y", -1.0)):
         rows = table[table.load_direction == direction]
-        points = [{f"load_{axis}_n": sign * load * GRAM_FORCE} for load in rows.load_g]
+        key = f"load_{axis}_n"
+        points = [{key: sign * load * GRAM_FORCE, "tendon_pull_mm": REMOVED_TENDON_PULL_MM} for load in rows.load_g]
         angles = rows.measured_angle_deg + UNLOADED_ANGLE_DEG
-        gravity = (GRAVITY, 0.0, 0.0) if axis == "x" else (0.0, -GRAVITY, 0.0)
+        gravity = (sign * GRAVITY, 0.0, 0.0) if axis == "x" else (0.0, -GRAVITY, 0.0)
         yield _make_table(f"fig6-{direction}", "fig6", "catheter", gravity, points, "tip_angle_deg", angles)
 
 
@@ -95,8 +100,7 @@ def _make_fig7() -> Iterable[Run]:
     for number, (_, rows) in enumerate(read_table("fig7").groupby("series"), start=1):
         points = [{"tendon_pull_mm": pull} for pull in rows.tendon_mm]
         angles = rows.angle_deg + UNLOADED_ANGLE_DEG
-        gravity = (0.0, -GRAVITY, 0.0)
-        yield _make_table(f"fig7-{number}", "fig7", "catheter", gravity, points, "tip_angle_deg", angles)
+        yield _make_table(f"fig7-{number}", "fig7", "catheter", UNLOADED_GRAVITY, points, "tip_angle_deg", angles)
 
 
 def _make_fig8() -> Iterable[Run]:
@@ -107,7 +111,7 @@ def _make_fig8() -> Iterable[Run]:
         commands[:, COMMANDS.index("tail_feed_mm_s")] = rows.feed_mm_s
         commands[:, COMMANDS.index("pressure_kpa")] = _to_gauge(pressure)
         measured = np.full((len(time), len(CHANNELS)), np.nan)
-        measured[1:, CHANNELS.index("everted_length_mm")] = rows.length_mm[1:]
+        measured[1:, CHANNELS.index("everted_length_mm")] = rows.length_mm[1:] + SHORTEST_SHEATH_MM
         name = f"fig8-{label}-{pressure}"
         yield _make_run(name, "fig8", "sheath", (0.0, -GRAVITY, 0.0), SHORTEST_SHEATH_MM, time, commands, measured)
 
@@ -125,7 +129,7 @@ def _make_fig10() -> Iterable[Run]:
     rows = read_table("fig10")
     points = [{"pressure_kpa": _to_gauge(pressure), "tendon_pull_mm": 4.9} for pressure in rows.pressure_kpa_abs]
     angles = rows.measured_angle_deg + UNLOADED_ANGLE_DEG
-    yield _make_table("fig10", "fig10", "full", (0.0, -GRAVITY, 0.0), points, "tip_angle_deg", angles)
+    yield _make_table("fig10", "fig10", "full", UNLOADED_GRAVITY, points, "tip_angle_deg", angles)
 
 
 def _make_fig11() -> Iterable[Run]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import convert_reading, read_pressure_bias
+from evergym.discrepancy.channels import convert_reading
 from evergym.discrepancy.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.dataset import Run
 from evergym.discrepancy.schedule import REST_FACTOR, Step
@@ -55,7 +55,6 @@ class Playback:
         self._hooks = hooks
         self._numerics = simulator.numerics
         self._by_step: dict[float, Numerics] = {}
-        self._bias = read_pressure_bias(simulator)
         self._settled = find_pressure_settling(simulator.model.effects.pressure_lag.time_s, run)
         world = simulator.world
         self._stretch = REST_FACTOR if world.wall is None and len(world.pegs) == 0 else 1.0
@@ -67,7 +66,7 @@ class Playback:
 
         A sheath that starts shorter than the simulator's shortest starts with that.
         """
-        first = make_command(self._run.commands[0], self._bias)
+        first = make_command(self._run.commands[0])
         for hook in self._hooks:
             hook.reset(self._run)
         self._reading = self._simulator.reset(
@@ -80,7 +79,7 @@ class Playback:
 
     def play(self, step: Step) -> Array:
         """Play a step; return the channels at its end."""
-        command = make_command(step.command, self._bias)
+        command = make_command(step.command)
         time = start = float(self._run.time_s[step.first])
         for duration, step_s in self._divide(step, float(self._settled[step.first]) - start):
             self._simulator.numerics = self._find_numerics(step_s)
@@ -136,15 +135,15 @@ class Playback:
         return row
 
 
-def make_command(row: Array, pressure_bias: float = 0.0) -> Command:
-    """Return the command [SI] of a row of `Run.commands`; the regulator controls what the gauge reads."""
+def make_command(row: Array) -> Command:
+    """Return the command [SI] of a row of `Run.commands`."""
     insertion, tail, roll, pull, pressure, *load = row.tolist()
     return Command(
         insertion_velocity=insertion * MM,
         tail_feed_velocity=None if math.isnan(tail) else tail * MM,
         roll=roll * DEG,
         tendon_pull=pull * MM,
-        pressure=(pressure - pressure_bias) * KPA,
+        pressure=pressure * KPA,
         tip_load=(load[0], load[1], load[2]),
     )
 

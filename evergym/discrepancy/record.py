@@ -9,11 +9,12 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import convert_reading, read_pressure_bias
+from evergym.discrepancy.channels import convert_reading
 from evergym.discrepancy.columns import COMMANDS
 from evergym.discrepancy.dataset import Run
 from evergym.errors import ConfigError
 from evergym.simulator import Command, Reading, Simulator
+from evergym.state import Scalar
 from evergym.units import DEG, KPA, MM
 
 __all__ = ["Recorder", "record_simulator"]
@@ -40,15 +41,15 @@ class Recorder:
             raise ConfigError(f"The sampling period is {period} s; it must be above 0.")
         self.simulator = simulator
         self.period = period
-        self._bias = read_pressure_bias(simulator)
         reading = simulator.reading
         _check_start(simulator, reading)
-        self._initial_mm = reading.everted_length / MM
+        # Not the reading's: under pressure a compliant wall is longer than what was everted.
+        self._initial_mm = float(simulator.state.scalar[Scalar.EVERTED_LENGTH]) / MM
         self._rest = np.zeros(len(COMMANDS))
         self._rest[COMMANDS.index("tail_feed_mm_s")] = np.nan
         self._rest[COMMANDS.index("roll_deg")] = reading.roll / DEG
         self._rest[COMMANDS.index("tendon_pull_mm")] = reading.tendon_pull / MM
-        self._rest[COMMANDS.index("pressure_kpa")] = reading.pressure / KPA + self._bias
+        self._rest[COMMANDS.index("pressure_kpa")] = _find_set_point(simulator, reading.pressure) / KPA
         self._time = [reading.time]
         self._commands: list[Array] = []
         self._channels = [convert_reading(simulator, reading)]
@@ -62,7 +63,7 @@ class Recorder:
     def advance(self, command: Command, duration: float) -> Reading:
         """Advance the simulator under a held command and record it; see `Simulator.advance`."""
         parts = 1 if self.period is None else max(1, math.ceil(duration / self.period - 1e-9))
-        row = _describe_command(command, self._bias)
+        row = _describe_command(command)
         for _ in range(parts):
             reading = self._advance(command, duration / parts)
             self._time.append(reading.time)
@@ -129,7 +130,8 @@ def _check_start(simulator: Simulator, reading: Reading) -> None:
     if not np.array_equal(simulator.world.port_frame, np.eye(3)):
         raise ConfigError("A dataset's port faces +z. Turn gravity instead of the port.")
     full = simulator.setup == "full"
-    expected = reading.everted_length if full else simulator.model.robot.catheter_length_mm * MM
+    everted = float(simulator.state.scalar[Scalar.EVERTED_LENGTH])
+    expected = everted if full else simulator.model.robot.catheter_length_mm * MM
     if simulator.setup != "sheath" and abs(reading.catheter_length - expected) > 1e-9:
         raise ConfigError(
             f"A run starts with {expected / MM:g} mm of catheter inserted "
@@ -138,7 +140,14 @@ def _check_start(simulator: Simulator, reading: Reading) -> None:
         )
 
 
-def _describe_command(command: Command, bias_kpa: float) -> Array:
+def _find_set_point(simulator: Simulator, pressure: float) -> float:
+    """Return the set point [Pa] that holds a resting robot at a pressure [Pa], through a gauge's bias and a leak."""
+    effects = simulator.parameters.effects
+    supply = pressure / (1.0 - effects.pressure_leak.share)
+    return supply + effects.pressure_bias.bias if supply > 0.0 else 0.0
+
+
+def _describe_command(command: Command) -> Array:
     tail = command.tail_feed_velocity
     return np.array(
         [
@@ -146,7 +155,7 @@ def _describe_command(command: Command, bias_kpa: float) -> Array:
             math.nan if tail is None else tail / MM,
             command.roll / DEG,
             command.tendon_pull / MM,
-            command.pressure / KPA + bias_kpa,
+            command.pressure / KPA,
             *command.tip_load,
         ]
     )

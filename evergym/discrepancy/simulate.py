@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Run
 from evergym.discrepancy.playback import Playback, make_command
-from evergym.discrepancy.rig import choose_numerics, refine_for_contact
+from evergym.discrepancy.rig import choose_numerics, refine_for_contact, refine_for_hanging, refine_for_ripple
 from evergym.discrepancy.schedule import Step, plan_steps
 from evergym.discrepancy.surroundings import open_world
 from evergym.errors import SimulationDiverged
@@ -74,6 +74,10 @@ def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Se
     """Overwrite ``channels`` row by row, so that those before a failure stand."""
     if run.environment != "free":
         numerics = refine_for_contact(model, numerics)
+    if run.setup == "sheath" and not np.any(np.nan_to_num(run.commands[:, :2]) != 0.0):
+        numerics = refine_for_hanging(numerics, run.initial_everted_length_mm)
+    if run.setup != "catheter":
+        numerics = refine_for_ripple(model, numerics)
     simulator = Simulator(fit_damping(model, run, numerics.step_s), open_world(run), numerics, run.setup)
     playback = Playback(simulator, run, hooks)
     time = run.time_s

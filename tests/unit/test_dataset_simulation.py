@@ -113,10 +113,31 @@ def test_a_run_is_what_the_simulator_does_under_the_same_commands() -> None:
     np.testing.assert_allclose(simulate_run(MODEL, run), np.array(rows), atol=0.05)
 
 
+def change_effect(name: str, **values: float) -> Model:
+    effect = dataclasses.replace(getattr(MODEL.effects, name), **values)
+    return dataclasses.replace(MODEL, effects=dataclasses.replace(MODEL.effects, **{name: effect}))
+
+
 def test_the_regulator_controls_what_a_biased_gauge_reads() -> None:
-    row = np.zeros(len(COMMANDS))
-    row[COMMANDS.index("pressure_kpa")] = 30.0
-    assert make_command(row, pressure_bias=2.0).pressure == pytest.approx(28e3)
+    """The reading is as commanded, the robot has less: a sheath grows as if less had been commanded."""
+    time = np.arange(0.0, 10.01, 0.5)
+    run = make_run(time, "sheath", 20.0, pressure_kpa=30.0, tail_feed_mm_s=5.8)
+    low = make_run(time, "sheath", 20.0, pressure_kpa=25.0, tail_feed_mm_s=5.8)
+    biased = simulate_run(change_effect("pressure_bias", bias_kpa=5.0), run)
+    np.testing.assert_allclose(channel(biased, "pressure_measured_kpa"), 30.0, atol=1e-6)
+    np.testing.assert_allclose(
+        channel(biased, "everted_length_mm"), channel(simulate_run(MODEL, low), "everted_length_mm"), atol=1e-6
+    )
+
+
+def test_tip_angles_and_curvatures_are_read_in_steps() -> None:
+    run = make_run(np.arange(0.0, 3.01, 0.5), "catheter", tendon_pull_mm=np.linspace(0.0, 3.0, 7))
+    exact = simulate_run(MODEL, run)
+    read = simulate_run(change_effect("angle_quantisation", step_deg=5.0), run)
+    angle = channel(read, "tip_angle_deg")
+    np.testing.assert_allclose(angle, 5.0 * np.round(channel(exact, "tip_angle_deg") / 5.0), atol=1e-9)
+    np.testing.assert_allclose(channel(read, "curvature_1_per_m"), angle * DEG / 0.095, rtol=1e-9)
+    np.testing.assert_array_equal(channel(read, "tip_x_mm"), channel(exact, "tip_x_mm"))
 
 
 def test_an_empty_tail_feed_is_coupled() -> None:
@@ -352,3 +373,25 @@ def test_a_sheath_may_start_from_nothing() -> None:
 def test_commands_beyond_the_robot_give_numbers_or_a_reason(commands: dict[str, float]) -> None:
     prediction = try_simulate_run(MODEL, make_run(np.arange(0.0, 10.0, 0.5), **commands))  # type: ignore[arg-type]
     assert np.isfinite(prediction.channels).all() or prediction.failure
+
+
+def test_a_ripple_is_followed_not_sampled() -> None:
+    """2 Hz at 10 samples a second: as with steps of 4 ms; with 0.125 s a swing of 4 kPa would be missed or aliased."""
+    time = np.arange(0.0, 4.01, 0.1)
+    run = make_run(time, "sheath", 20.0, pressure_kpa=30.0, tail_feed_mm_s=5.8)
+    model = change_effect("pressure_ripple", amplitude_kpa=4.0, frequency_hz=2.0)
+    fine = simulate_run(model, run, dataclasses.replace(choose_numerics(model, "sheath"), step_s=1.0 / 256.0))
+    fast = simulate_run(model, run)
+    gauge = channel(fine, "pressure_measured_kpa")
+    assert np.ptp(gauge[10:]) > 2.0  # the lag of 0.15 s leaves half of 8 kPa
+    np.testing.assert_allclose(channel(fast, "pressure_measured_kpa"), gauge, atol=0.25)  # 10 ms late
+    np.testing.assert_allclose(channel(fast, "everted_length_mm"), channel(fine, "everted_length_mm"), atol=0.05)
+
+
+def test_a_hanging_sheath_has_its_kink_in_a_short_section() -> None:
+    run = make_run(np.array([0.0, 4.0, 8.0]), "sheath", 95.0, pressure_kpa=20.0)
+    fast = simulate_run(MODEL, run)
+    fine = simulate_run(MODEL, run, Numerics(section_length_mm=0.25, step_s=0.05))
+    droop = channel(fine, "bending_angle_deg")[-1]
+    assert droop > 20.0
+    assert channel(fast, "bending_angle_deg")[-1] == pytest.approx(droop, abs=0.6)  # 0.3 degrees a half millimetre
