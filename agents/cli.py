@@ -31,6 +31,9 @@ COMMANDS = {
     "report": CommandEntry("evergym.agents.report", "Report", "write the report of an evaluation again"),
     "rollout": CommandEntry("evergym.agents.rollout", "Rollout", "run one episode and show it"),
     "tune": CommandEntry("evergym.agents.tuning", "Tune", "tune the duty cycle on training anatomies"),
+    "identify": CommandEntry(
+        "evergym.experiments.identification.command", "Identify", "estimate the robot's parameters from measurements"
+    ),
     "validate": CommandEntry("evergym.experiments.commands", "Validate", "compare with the measured robot"),
     "bench": CommandEntry("evergym.agents.bench", "Bench", "measure the simulator's speed and accuracy"),
     "scenario": CommandEntry("evergym.agents.scenarios", "Scenario", "run the deployments of the paper's Fig. 12"),

@@ -181,8 +181,9 @@ def add_springs(
     path [m].
 
     The forces, in this order: sheath fibres under pressure (or the kink at the root), flexible and proximal catheter
-    fibres, the play at the base in series with them, torsional braces, the tail's grip on the catheter's roll, damping
-    in the fibres, the tail of a buckled column, the wall's pre-tension. The tendon's own energy is left to the caller.
+    fibres, the catheter's play at the base in series with them, torsional braces, the tail's grip on the catheter's
+    roll, damping in the fibres, the tail of a buckled column, the wall's pre-tension. The tendon's own energy is left
+    to the caller.
 
     Args:
         parameters: `Parameters`.
@@ -226,12 +227,6 @@ def add_springs(
         tendon[:] = 0.0
         bend_x = bend[j, 0]
         bend_y = bend[j, 1]
-        has_play = j == 0 and play.angle > 0.0
-        if has_play:
-            size = math.sqrt(bend_x * bend_x + bend_y * bend_y)
-            elastic = 1.0 - play.angle / size if size > play.angle else 0.0
-            bend_x *= elastic
-            bend_y *= elastic
         sheath_share = ws.cover[j, 0] / length
         if sheath_share > 0.0:
             # Creep takes over a part of the bend; the springs feel the rest.
@@ -259,6 +254,25 @@ def add_springs(
                 hessian[0, 0] += sheath_share * section[3]
                 hessian[0, 1] += sheath_share * section[4]
                 hessian[1, 1] += sheath_share * section[5]
+        has_play = j == 0 and play.angle > 0.0
+        sheath_x = sheath_y = sheath_xx = sheath_xy = sheath_yy = tilt_x = tilt_y = 0.0
+        if has_play:
+            # The catheter feels what is beyond the play, the sheath all of it: its derivatives wait.
+            sheath_x, sheath_y = gradient[0], gradient[1]
+            sheath_xx, sheath_xy, sheath_yy = hessian[0, 0], hessian[0, 1], hessian[1, 1]
+            gradient[:] = 0.0
+            hessian[:] = 0.0
+            # The play lies about the catheter's own bend, whose direction is that of the step's start.
+            natural = robot.pre_curvature * ws.cover[j, 1]
+            middle = 0.5 * (ws.previous_roll[j] + ws.previous_roll[j + 1])
+            natural_x = -natural * math.sin(middle)
+            natural_y = natural * math.cos(middle)
+            tilt_x = bend_x - natural_x
+            tilt_y = bend_y - natural_y
+            size = math.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
+            elastic = 1.0 - play.angle / size if size > play.angle else 0.0
+            bend_x = natural_x + elastic * tilt_x
+            bend_y = natural_y + elastic * tilt_y
         twist = roll[j + 1] - roll[j]
         flexible = ws.cover[j, 1] / length
         proximal = ws.cover[j, 2] / length
@@ -305,7 +319,12 @@ def add_springs(
         bend_x = bend[j, 0]
         bend_y = bend[j, 1]
         if has_play:
-            energy += add_play(play, bend_x, bend_y, gradient, hessian)
+            energy += add_play(play, tilt_x, tilt_y, gradient, hessian)
+            gradient[0] += sheath_x
+            gradient[1] += sheath_y
+            hessian[0, 0] += sheath_xx
+            hessian[0, 1] += sheath_xy
+            hessian[1, 1] += sheath_yy
         braces = (flexible * flexible_braces + proximal * proximal_braces + unused_braces) / length
         energy += 0.5 * braces * twist * twist
         gradient[2] += braces * twist

@@ -1,4 +1,4 @@
-"""Clearance play: the robot tilts in its port, and the catheter in the sheath, before anything is bent."""
+"""Clearance play: the catheter tilts in its port and in the sheath before it is bent."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class ClearancePlayParameters(NamedTuple):
 
 @dataclass(frozen=True)
 class ClearancePlay:
-    """At the base the assembled robot tilts by up to the angle to any side against a small centring moment.
+    """At the base the catheter tilts by up to the angle to any side, held by the sheath and a small centring moment.
 
-    Beyond the angle the springs take the rest. The radial gap of 0.55 mm gives an angle of gap over overlap. Off at
-    zero angle; acts in the full setup only. Source: the paper's Table I for the gap, its Fig. 11 for the angle: the
-    full system answers a tip load 12 to 34 % more than the bare catheter.
+    The sheath bends by the whole tilt; the catheter's springs take what is beyond the angle. The radial gap of 0.55 mm
+    gives an angle of gap over overlap. Off at zero angle; acts in the full setup only. Source: the paper's Table I for
+    the gap, its Fig. 11 for the angle: the full system answers a tip load 12 to 34 % more than the bare catheter.
     """
 
     info: ClassVar[EffectInfo] = EffectInfo(
@@ -48,7 +48,7 @@ class ClearancePlay:
 
     angle_deg: float = parameter(0.0, unit="deg", low=0.0, high=60.0, source="off; 6 to 8 in all would explain Fig. 11")
     centring_moment_n_m: float = parameter(
-        1e-4, unit="N m", low=1e-9, high=1.0, prior=True, help="Reached at the angle, and constant beyond."
+        1e-5, unit="N m", low=1e-9, high=1.0, prior=True, help="Reached at the angle, and constant beyond."
     )
     tendon_crosses: bool = parameter(False, prior=True, help="Whether the tendon's pull closes the play.")
 
@@ -65,7 +65,7 @@ def add_play(
 
     Args:
         parameters: Of the play.
-        bend_x: Whole bend about x [rad].
+        bend_x: Tilt about x: the whole bend less the catheter's own [rad].
         bend_y: About y [rad].
         gradient: Derivatives by elastic bend x and y, twist and roll, shape (4,); overwritten.
         hessian: Second derivatives, shape (4, 4), upper triangle; overwritten.

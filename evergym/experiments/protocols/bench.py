@@ -14,7 +14,17 @@ from evergym.model import Model, Numerics
 from evergym.simulator import Command, Reading, Simulator
 from evergym.world import World
 
-__all__ = ["ASSUMPTIONS", "DOWN", "STATICS", "bend", "find_pre_curvature_angle", "mount", "read_angle", "remove_tendon"]
+__all__ = [
+    "ASSUMPTIONS",
+    "DOWN",
+    "STATICS",
+    "bend",
+    "find_pre_curvature_angle",
+    "hang",
+    "mount",
+    "read_angle",
+    "remove_tendon",
+]
 
 Array = NDArray[np.float64]
 
@@ -24,7 +34,7 @@ ASSUMPTIONS = (
     "For a load 'opposite', and without a load, it lies with that side up.",
     "What the authors subtract is the unloaded, unpulled shape of the bare catheter (their 12 degrees).",
     "They subtract the same from the full system's readings: the sag under its own weight is part of these.",
-    "Pulls are raised from none before the load is applied, and the readings are taken at rest.",
+    "Pulls are raised from none before a load is applied, the loads follow each other; readings are taken at rest.",
     "Without a pull the tendon is slack by the motion that the assembled robot loses.",
     "The sheath is under pressure before its tail is fed, from the shortest length that the simulator knows.",
 )
@@ -41,9 +51,9 @@ STATICS = Numerics(section_length_mm=95.0 / 40.0, step_s=1.0)
 """Steps of a second have no inertia to speak of: the robot's slowest mode takes 0.1 s."""
 
 _STEPS = 3
-"""Steps in which a pull or a load is raised."""
+"""Steps in which a pull is raised."""
 _STEP_TIME = 1.0
-_REST_TIME = 2.0
+_REST_TIME = 3.0
 """Robot time [s] for each of them, and at the end; the pressure's and the material's lags are below a second."""
 
 GRAVITY = 9.81
@@ -62,33 +72,36 @@ def remove_tendon(model: Model) -> Model:
     return replace(model, effects=replace(model.effects, tendon_stretch=stretch))
 
 
-def bend(
-    simulator: Simulator, *, pressure: float = 0.0, tendon_pull: float = 0.0, load: Array | None = None
-) -> Reading:
-    """Reset the robot to 95 mm, pull, load, wait, and return the reading at rest.
+def bend(simulator: Simulator, *, pressure: float = 0.0, tendon_pull: float = 0.0) -> Reading:
+    """Reset the robot to 95 mm, pull, wait, and return the reading at rest.
 
     Args:
         simulator: As `mount` returns it; a sheath does not grow, since no tail is fed.
         pressure: [Pa gauge].
         tendon_pull: [m].
-        load: Force on the tip [N], shape (3,); None: no force.
     """
-    length = READING_LENGTH
-    simulator.reset(everted_length=length, catheter_length=None, pressure=pressure)
-    force = np.zeros(3) if load is None else load
+    simulator.reset(everted_length=READING_LENGTH, catheter_length=None, pressure=pressure)
+    for step in range(1, _STEPS) if tendon_pull > 0.0 else ():
+        _hold(simulator, pressure, tendon_pull * step / _STEPS, np.zeros(3), _STEP_TIME)
+    return _hold(simulator, pressure, tendon_pull, np.zeros(3), _REST_TIME)
 
-    def hold(pull_share: float, load_share: float, duration: float) -> Reading:
-        x, y, z = (load_share * force).tolist()
-        command = Command(
-            tail_feed_velocity=0.0, pressure=pressure, tendon_pull=pull_share * tendon_pull, tip_load=(x, y, z)
-        )
-        return simulator.advance(command, duration)
 
-    for step in range(1, _STEPS + 1) if tendon_pull > 0.0 else ():
-        hold(step / _STEPS, 0.0, _STEP_TIME)
-    for step in range(1, _STEPS + 1) if force.any() else ():
-        hold(1.0, step / _STEPS, _STEP_TIME)
-    return hold(1.0, 1.0, _REST_TIME)
+def hang(simulator: Simulator, load: Array, *, pressure: float = 0.0, tendon_pull: float = 0.0) -> Reading:
+    """Hang a weight, in place of the one before, on a robot that was bent, wait, and return the reading at rest.
+
+    Args:
+        simulator: After `bend`, with the same pressure and pull.
+        load: Force on the tip [N], shape (3,).
+        pressure: [Pa gauge].
+        tendon_pull: [m].
+    """
+    return _hold(simulator, pressure, tendon_pull, load, _REST_TIME)
+
+
+def _hold(simulator: Simulator, pressure: float, tendon_pull: float, load: Array, duration: float) -> Reading:
+    x, y, z = load.tolist()
+    command = Command(tail_feed_velocity=0.0, pressure=pressure, tendon_pull=tendon_pull, tip_load=(x, y, z))
+    return simulator.advance(command, duration)
 
 
 def read_angle(reading: Reading) -> float:

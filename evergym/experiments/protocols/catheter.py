@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.experiments.paper import READING_LENGTH, load_experiment
-from evergym.experiments.protocols.bench import DOWN, bend, mount, read_angle, remove_tendon
+from evergym.experiments.protocols.bench import DOWN, bend, hang, mount, read_angle, remove_tendon
 from evergym.model import Model
 from evergym.simulator import Command
 
@@ -22,7 +22,7 @@ def simulate_tip_load(model: Model, name: str) -> NDArray[np.float64]:
     direction = str(points.load_direction.iloc[0])
     catheter = mount(remove_tendon(model), "catheter", direction)
     rest = read_angle(bend(catheter))
-    angles = [read_angle(bend(catheter, load=load * DOWN[direction])) for load in points.load]
+    angles = [read_angle(hang(catheter, load * DOWN[direction])) for load in points.load]
     return (np.array(angles) - rest) / READING_LENGTH
 
 

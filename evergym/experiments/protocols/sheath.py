@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import replace
 
@@ -30,7 +31,7 @@ def simulate_growth_curve(model: Model, name: str) -> NDArray[np.float64]:
     values = np.empty(len(points))
     for curve in dict.fromkeys(points.curve):
         own = points[points.curve == curve]
-        values[own.index] = _grow(model, own.feed_velocity.iloc[0], own.pressure.iloc[0], own.time.to_numpy()) / MM
+        values[own.index] = _grow(model, own.feed_velocity.iloc[0], own.pressure.iloc[0], tuple(own.time)) / MM
     return values
 
 
@@ -38,7 +39,7 @@ def simulate_final_length(model: Model, name: str) -> NDArray[np.float64]:
     """Return the grown lengths [mm] of "fig8b" at the times at which the measured curves end."""
     points = load_experiment(name).points
     rows = points[["feed_velocity", "pressure", "end_time"]].to_numpy(dtype=float).tolist()
-    lengths = [_grow(model, feed, pressure, np.array([end]))[0] for feed, pressure, end in rows]
+    lengths = [_grow(model, feed, pressure, (end,))[0] for feed, pressure, end in rows]
     return np.array(lengths) / MM
 
 
@@ -62,8 +63,12 @@ def simulate_gravity(model: Model, name: str) -> NDArray[np.float64]:
     return np.array(values)
 
 
-def _grow(model: Model, feed: float, pressure: float, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the length grown [m] at each of the times [s], which increase."""
+@functools.lru_cache(maxsize=64)
+def _grow(model: Model, feed: float, pressure: float, times: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return the length grown [m] at each of the times [s], which increase.
+
+    Final lengths and mean speeds are those of the same run.
+    """
     sheath = Simulator(model, World.free(gravity=(0.0, 0.0, 0.0)), _GROWTH, "sheath")
     sheath.reset(everted_length=EVERTED_LENGTH_MIN, pressure=pressure)
     command = Command(tail_feed_velocity=feed, pressure=pressure)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.experiments.paper import READING_LENGTH, load_experiment
-from evergym.experiments.protocols.bench import DOWN, bend, find_pre_curvature_angle, mount, read_angle
+from evergym.experiments.protocols.bench import DOWN, bend, find_pre_curvature_angle, hang, mount, read_angle
 from evergym.model import Model
 from evergym.units import MM
 
@@ -27,12 +27,13 @@ def simulate_tip_load(model: Model, name: str) -> NDArray[np.float64]:
     points = load_experiment(name).points
     direction = str(points.load_direction.iloc[0])
     system = mount(model, "full", direction)
-    rows = points[["pressure", "tendon_pull", "load"]].to_numpy(dtype=float).tolist()
-    angles = [
-        read_angle(bend(system, pressure=pressure, tendon_pull=pull, load=load * DOWN[direction]))
-        for pressure, pull, load in rows
-    ]
-    return (np.array(angles) - find_pre_curvature_angle(model)) / READING_LENGTH
+    pull = float(points.tendon_pull.iloc[0])
+    angles = np.empty(len(points))
+    for pressure, rows in points.groupby("pressure", sort=False):
+        bend(system, pressure=float(pressure), tendon_pull=pull)
+        for row, load in rows.load.sort_values().items():
+            angles[row] = read_angle(hang(system, load * DOWN[direction], pressure=float(pressure), tendon_pull=pull))
+    return (angles - find_pre_curvature_angle(model)) / READING_LENGTH
 
 
 def simulate_tip_position(model: Model, name: str) -> NDArray[np.float64]:

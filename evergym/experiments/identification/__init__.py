@@ -1,0 +1,1 @@
+"""Estimate the robot's parameters from the paper's figures: what is free, how it is fitted, what is left out."""
