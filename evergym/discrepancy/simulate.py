@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Run
 from evergym.discrepancy.playback import Playback, make_command
-from evergym.discrepancy.rig import choose_numerics, refine_for_contact, refine_for_hanging, refine_for_ripple
+from evergym.discrepancy.rig import choose_numerics, refine_for_contact, refine_for_effects, refine_for_hanging
 from evergym.discrepancy.schedule import Step, plan_steps
 from evergym.discrepancy.surroundings import open_world
 from evergym.errors import SimulationDiverged
@@ -76,8 +76,7 @@ def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Se
         numerics = refine_for_contact(model, numerics)
     if run.setup == "sheath" and not np.any(np.nan_to_num(run.commands[:, :2]) != 0.0):
         numerics = refine_for_hanging(numerics, run.initial_everted_length_mm)
-    if run.setup != "catheter":
-        numerics = refine_for_ripple(model, numerics)
+    numerics = refine_for_effects(model, numerics, run.setup)
     simulator = Simulator(fit_damping(model, run, numerics.step_s), open_world(run), numerics, run.setup)
     playback = Playback(simulator, run, hooks)
     time = run.time_s
