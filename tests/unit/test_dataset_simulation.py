@@ -153,7 +153,7 @@ def test_an_empty_tail_feed_is_coupled() -> None:
 
 def test_steps_are_joined_where_commands_ramp_and_not_across_events() -> None:
     time = np.arange(0.0, 8.001, 0.02)
-    pull = np.interp(time, [0.0, 2.0, 4.0, 8.0], [0.0, 2.0, 0.0, 0.0])
+    pull = np.interp(time, [0.0, 2.0, 4.0, 8.0], [0.0, 4.0, 0.0, 0.0])
     steps = plan_steps(make_run(time, tendon_pull_mm=pull), 0.125)
     assert len(steps) < len(time) / 4
     assert steps[0].first == 0
@@ -162,9 +162,18 @@ def test_steps_are_joined_where_commands_ramp_and_not_across_events() -> None:
         assert after.first == before.last
     assert sum(step.duration for step in steps) == pytest.approx(8.0)
     ends = {round(float(time[step.last]), 6) for step in steps}
-    assert {2.0, 4.0} <= ends  # reversal, and end of the ramp
+    assert {2.02, 4.02} <= ends  # the rows whose commands reverse and end the ramp
     assert max(step.duration for step in steps) <= 0.25 + 1e-9
     assert max(step.duration for step in steps if not step.rests) <= 0.125 + 1e-9
+
+
+def test_rounding_and_jitter_of_a_logged_ramp_are_no_events() -> None:
+    time = np.arange(0.0, 4.001, 0.02)
+    rng = np.random.default_rng(0)
+    pull = np.round(0.7 * time, 2)  # increments of 0.01 and 0.02
+    pressure = 20.0 + 0.01 * rng.standard_normal(len(time))
+    steps = plan_steps(make_run(time, tendon_pull_mm=pull, pressure_kpa=pressure), 0.125)
+    assert len(steps) < len(time) / 3
 
 
 def test_joined_rates_move_as_far_as_the_rows_did() -> None:
