@@ -21,6 +21,7 @@ __all__ = [
     "refine_for_contact",
     "refine_for_effects",
     "refine_for_hanging",
+    "refine_for_length",
 ]
 
 
@@ -112,6 +113,12 @@ def refine_for_effects(model: Model, numerics: Numerics, setup: str) -> Numerics
     return dataclasses.replace(numerics, step_s=step_s, section_length_mm=section_mm)
 
 
+def refine_for_length(numerics: Numerics, length_mm: float) -> Numerics:
+    """Return a discretisation with some sections on a robot that stays far shorter than its material allows."""
+    section_mm = max(length_mm / _SECTIONS_MIN, 0.05)
+    return dataclasses.replace(numerics, section_length_mm=min(numerics.section_length_mm, section_mm))
+
+
 def refine_for_hanging(numerics: Numerics, length_mm: float) -> Numerics:
     """Return a discretisation fine enough for a sheath that hangs and does not grow.
 
@@ -157,6 +164,7 @@ _DISCRETISATION = {Fidelity.FAST: (36, 0.125), Fidelity.STANDARD: (48, 0.0625), 
 """Sections and step [s]."""
 _TOLERANCE_SHARE = 2e-9
 """Of the robot's energy (one radian of bend over its length, pressure times volume); 1e-10 J for the default robot."""
+_SECTIONS_MIN = 8
 _CONTACT_STEP_S = 0.0625
 _TENDON_FRICTION_STEP_S = 1.0 / 32.0
 _VISIBLE_PERIOD_S = 0.2

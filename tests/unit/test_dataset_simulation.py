@@ -16,7 +16,7 @@ from evergym.discrepancy.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.dataset import Dataset, Run
 from evergym.discrepancy.rig import Fidelity, apply_robot, choose_numerics
 from evergym.discrepancy.schedule import plan_steps
-from evergym.discrepancy.simulate import fit_damping, make_command, simulate_run, try_simulate_run
+from evergym.discrepancy.simulate import find_longest, fit_damping, make_command, simulate_run, try_simulate_run
 from evergym.errors import ConfigError, SimulationDiverged
 from evergym.model import Model, Numerics, load_model
 from evergym.simulator import Command, Simulator
@@ -415,3 +415,15 @@ def test_steps_are_short_enough_for_friction_along_the_tendon() -> None:
     error = simulate_run(model, run) - fine
     assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 0.25 * NOISE)
     assert np.abs(simulate_run(MODEL, run) - fine).max() > 5.0  # the effect itself is seen
+
+
+def test_a_short_robot_of_much_material_has_sections() -> None:
+    """Sections follow what a run can grow to, not only the material: a load bends 60 of 5000 mm as it should."""
+    robot = dataclasses.replace(MODEL.robot, sheath_material_length_mm=10_000.0)
+    model = dataclasses.replace(MODEL, robot=robot)
+    run = make_run(np.array([0.0, 2.0]), everted_mm=60.0, load_x_n=0.01, pressure_kpa=20.0)
+    assert choose_numerics(model, "full").section_length_mm == 50.0
+    x = channel(simulate_run(model, run), "tip_x_mm")[-1]
+    fine = channel(simulate_run(model, run, Numerics(section_length_mm=1.0)), "tip_x_mm")[-1]
+    assert x == pytest.approx(fine, abs=0.05)
+    assert find_longest(make_run(np.array([0.0, 2.0, 4.0]), insertion_mm_s=[3.0, 1.0, 9.0])) == pytest.approx(48.0)
