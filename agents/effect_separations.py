@@ -123,10 +123,9 @@ SEPARATIONS: dict[tuple[str, ...], str] = {
         "Pull and pay out slowly: both hold the reading over some pull; only with backlash does it differ between "
         "the ways."
     ),
-    ("eversion_yield", "viscous_eversion", "tail_coulomb_friction"): (
-        "Grow at several pressures and lengths: the yield is a threshold, lower once the tip moves, at any length; "
-        "friction takes more in a longer robot; the resistance of the tip takes more the faster it goes and has no "
-        "threshold."
+    ("eversion_yield", "tail_coulomb_friction"): (
+        "Grow at several lengths, and find the pressure at which growth starts and stops: the yield is the same at any "
+        "length and lower once the tip moves, friction takes more in a longer robot."
     ),
     ("tail_capstan_friction", "viscous_eversion"): (
         "Bend the robot at the same pressure and length, then feed faster: friction in bends slows growth in the bent "
