@@ -52,6 +52,7 @@ class Candidate:
         starts: z from which its fit may begin, each (m,).
         partners: Effects that look alike.
         amplitudes: Paths of the parameters that switch it off.
+        signed: Whether all amplitudes may be negative.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Candidate:
     starts: tuple[tuple[float, ...], ...]
     partners: tuple[str, ...]
     amplitudes: tuple[str, ...]
+    signed: bool
 
     @property
     def size(self) -> int:
@@ -121,7 +123,8 @@ def _build(
         amplitude.append(path in off)
     starts = _make_starts(axes, amplitude)
     names = tuple(axis.path for axis, is_amplitude in zip(axes, amplitude, strict=True) if is_amplitude)
-    return Candidate(name, tuple(axes), dict(fixed), tuple(starts), partners, names)
+    signed = bool(names) and all(axis.z_limits[0] <= -1.0 for axis in axes if axis.path in names)
+    return Candidate(name, tuple(axes), dict(fixed), tuple(starts), partners, names, signed)
 
 
 def _make_axis(path: str, info: ParameterInfo, off: object, typical: object) -> Axis:
@@ -153,17 +156,18 @@ def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool]) -> list[tuple[
         (0.0,) if is_amplitude else _shape_starts(axis, signed)
         for axis, is_amplitude in zip(axes, amplitude, strict=True)
     ]
-    gridded = any(axis.path.endswith("_hz") for axis in axes)
-    magnitudes = MAGNITUDES[:1] if gridded else MAGNITUDES
+    # What has a sign has no dead band: one strength shows it.
+    once = signed or any(axis.path.endswith("_hz") for axis in axes)
     starts: list[tuple[float, ...]] = []
-    for magnitude, place, shape in itertools.product(magnitudes, places or [-1], itertools.product(*shapes)):
-        for sign in (1.0, -1.0):
-            z = list(shape)
-            if place >= 0:
-                z[place] = sign * magnitude
-            inside = all(axis.z_limits[0] <= x <= axis.z_limits[1] for axis, x in zip(axes, z, strict=True))
-            if inside and tuple(z) not in starts:
-                starts.append(tuple(z))
+    for magnitude, place, shape in itertools.product(
+        MAGNITUDES[:1] if once else MAGNITUDES, places or [-1], itertools.product(*shapes)
+    ):
+        z = list(shape)
+        if place >= 0:
+            z[place] = magnitude
+        inside = all(axis.z_limits[0] <= x <= axis.z_limits[1] for axis, x in zip(axes, z, strict=True))
+        if inside and tuple(z) not in starts:
+            starts.append(tuple(z))
     return starts
 
 

@@ -13,8 +13,10 @@ from evergym.discrepancy.verdict import Thresholds, worst_cell
 
 __all__ = ["choose_effects"]
 
-FITTED_MAX = 6
+FITTED_MAX = 5
 """Candidates that are fitted in the loop."""
+FURTHER_MAX = 3
+"""The same, for a further effect."""
 EFFECTS_MAX = 2
 """Effects that are looked for at once."""
 GAIN_MIN = 1.0
@@ -44,7 +46,7 @@ def choose_effects(
         names = {effect.name for effect in best.effects}
         others = [candidate for candidate in candidates if candidate.name not in names]
         further = screen_candidates(predictor, best.fit, others, split.use)
-        pairs = _fit_promising(predictor, best, further, split, FITTED_MAX // 2)
+        pairs = _fit_promising(predictor, best, further, split, FURTHER_MAX)
         if not pairs or not earns_its_place(best, pairs[0], thresholds):
             break
         best = pairs[0]

@@ -32,15 +32,18 @@ class DatasetCheck:
         Raises:
             ConfigError: bad data, with file, row and column.
         """
+        from evergym.discrepancy.alignment import align_dataset
         from evergym.discrepancy.rig import apply_robot
         from evergym.discrepancy.surroundings import open_world
 
         model = load_model(self.model)
         dataset = load_dataset(self.folder, model.robot)
-        apply_robot(model, dataset)
+        rig = apply_robot(model, dataset)
         for run in dataset.runs:
             open_world(run)  # meshes are read by nothing before
         print(describe_dataset(dataset))
+        for remark in align_dataset(rig, dataset)[1]:
+            print(f"  {remark}")
         return 0
 
 

@@ -1,14 +1,15 @@
 """Leave whole experiments out: take an effect's strength from the other experiments, and see how far off it then is.
 
-The nominal parameters stay free in all experiments, for every model alike: what is tested is the effect. (With the
+The nominal parameters stay as fitted to all experiments, for every model alike: what is tested is the effect. (With the
 nominal parameters left out too, most of the error would be that of a stiffness which only one experiment shows.)
-The refits are linear about the fit to all the data, from its Jacobian, so that no run is simulated again. Experiments
-are left out whole: rows of one experiment say nearly the same, and random rows would let any candidate win.
+The refits are linear about the fit, from its Jacobian; the experiment left out is then simulated at the refitted
+strength, which costs one simulation of every run in all. Experiments are left out whole: rows of one experiment say
+nearly the same, and random rows would let any candidate win.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,10 @@ __all__ = ["CrossValidation", "cross_validate"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+Simulate = Callable[[Array, NDArray[np.int64]], Array]
+
+STEP_MIN = 1e-3
+"""Refits that move less [z] need no simulation."""
 DOUBT_SHARE, DOUBT_OFFSET = 0.5, 0.1
 """A strength that the other experiments say nothing about stays as it is; one that they contradict moves: they are
 taken together with a prior about the fitted strength, this share of it (and this much of the typical one) wide."""
@@ -47,7 +52,13 @@ class CrossValidation:
 
 
 def cross_validate(
-    fit: Fit, experiment: NDArray[np.int64], experiments: Sequence[int], use: Mask, nominals: int
+    fit: Fit,
+    experiment: NDArray[np.int64],
+    experiments: Sequence[int],
+    use: Mask,
+    nominals: int,
+    simulate: Simulate | None = None,
+    ceiling: Array | None = None,
 ) -> CrossValidation:
     """Leave each of ``experiments`` out in turn.
 
@@ -57,6 +68,9 @@ def cross_validate(
         experiments: Experiments that take part; the samples of others are not looked at.
         use: Samples that take part, (n,).
         nominals: Number of nominal parameters: the first unknowns.
+        simulate: Returns the whitened residual of some samples (of whole runs) at z; None: linear.
+        ceiling: Sum of squares that no experiment counts more than, (e,): a fit that is far off is far off, and one
+            experiment in which a robot snaps over must not outvote the others. None: no such limit.
     """
     precision, (low, high) = fit.space.prior_precision, fit.space.limits
     centre = np.zeros(fit.space.size)
@@ -70,18 +84,18 @@ def cross_validate(
     normal, gradient = sum(normals, np.zeros((size, size))), sum(gradients, np.zeros(size))
     residual = np.zeros_like(fit.residual)
     chi2, unknowns = np.zeros(len(rows)), np.zeros((len(rows), size))
-    first, rest = slice(0, nominals), slice(nominals, size)
     for k, part in enumerate(rows):
         step = np.zeros(size)
         if size:
             others = normal - normals[k], gradient - gradients[k]
             step = solve_normal(*others, doubt, fit.z, (low, high), centre=centre)
         unknowns[k] = fit.z + step
-        if nominals:
-            # The strengths stay as the other experiments have them; the nominal parameters answer to all.
-            adapted = gradient[first] - normal[first, rest] @ step[rest]
-            limits = low[first], high[first]
-            step[first] = solve_normal(normal[first, first], adapted, precision[first], fit.z[first], limits)
+        step[:nominals] = 0.0
         residual[part] = fit.residual[part] - fit.jacobian[part] @ step
+        if simulate is not None and np.any(np.abs(step) > STEP_MIN):
+            residual[part] = simulate(fit.z + step, part)
         chi2[k] = float(residual[part] @ residual[part])
+        if ceiling is not None and chi2[k] > ceiling[k]:
+            residual[part] *= np.sqrt(ceiling[k] / chi2[k])
+            chi2[k] = ceiling[k]
     return CrossValidation(residual, chi2, unknowns)

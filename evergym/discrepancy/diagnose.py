@@ -129,7 +129,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     sensitivity = find_sensitivity(predictor, Setting(model))
     split = split_samples(dataset, measurement, sensitivity.jacobian)
     calibration = calibrate(predictor, sensitivity, split.use)
-    base = score_fit(predictor, calibration.fit, split, ())
+    base = score_fit(predictor, calibration.fit, split)
 
     def draw_map(score: Score) -> list[Cell]:
         return map_disagreement(dataset, measurement, score, split)

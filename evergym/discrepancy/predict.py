@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,15 @@ class Predictor:
         indices = range(len(self.dataset.runs))
         self._prefetch(((setting, index) for index in indices), fidelity)
         return self.measurement.flatten([self._predict_run(setting, index, fidelity) for index in indices])
+
+    def predict_part(self, setting: Setting, runs: Sequence[int], elsewhere: Array) -> Array:
+        """Return the predicted value of every sample of some runs, ``elsewhere`` (n,) for the others, shape (n,)."""
+        self._prefetch(((setting, index) for index in runs), None)
+        empty = np.full((0, len(CHANNELS)), np.nan)
+        tables = [empty] * len(self.dataset.runs)
+        for index in runs:
+            tables[index] = self._predict_run(setting, index, None)
+        return self.measurement.flatten(tables, elsewhere)
 
     def predict_changes(
         self, moves: Iterable[tuple[str, Setting]], setting: Setting, mark_inert: bool = False

@@ -88,11 +88,18 @@ class Measurement:
         """Number of samples n."""
         return len(self.run)
 
-    def flatten(self, tables: Sequence[Array]) -> Array:
-        """Return the values of per-run tables (k, 9) at the measured samples, shape (n,)."""
-        out = np.empty(self.size)
+    def flatten(self, tables: Sequence[Array], elsewhere: Array | None = None) -> Array:
+        """Return the values of per-run tables (k, 9) at the measured samples, shape (n,).
+
+        Args:
+            tables: One for each run; empty: not known.
+            elsewhere: What to return for the samples of empty tables, (n,).
+        """
+        out = np.empty(self.size) if elsewhere is None else elsewhere.copy()
         for segment in self._segments:
             run, channel = self.run[segment.start], self.channel[segment.start]
+            if len(tables[run]) == 0:
+                continue
             out[segment.start : segment.stop] = tables[run][segment.rows, channel]
         return out
 

@@ -28,6 +28,9 @@ STEADY_SHARE = 0.5
 """A ramp is steady where its increments differ by less than this share."""
 REST_FACTOR = 2.0
 """Under commands that rest, the robot in free space is followed in steps longer by this factor."""
+JITTER = (0.02, 0.02, 0.1, 0.01, 0.05, 2e-4, 2e-4, 2e-4)
+"""Changes of each command, in its unit, that are no event: rounding of a ramp, noise of a logged set point. They move
+the tip by less than 0.1 mm."""
 RATES = [COMMANDS.index("insertion_mm_s"), COMMANDS.index("tail_feed_mm_s")]
 
 
@@ -52,14 +55,14 @@ def find_events(commands: Array) -> NDArray[np.bool_]:
     event = np.zeros(count, dtype=bool)
     event[:1] = True
     filled = np.where(np.isnan(commands), np.inf, commands)
-    for column in filled.T:
+    for column, jitter in zip(filled.T, JITTER, strict=True):
         finite = np.isfinite(column)
         event[1:] |= finite[1:] != finite[:-1]
         change = np.zeros(count)
         change[1:] = np.diff(np.where(finite, column, 0.0))
         before = np.concatenate(([0.0], change[:-1]))
         size = np.maximum(np.abs(change), np.abs(before))
-        event |= np.abs(change - before) > STEADY_SHARE * size + 1e-9
+        event |= np.abs(change - before) > STEADY_SHARE * size + jitter
     return event
 
 

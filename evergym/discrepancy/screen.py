@@ -47,6 +47,14 @@ class Signature:
     gain: float
 
 
+@dataclass(frozen=True)
+class Strength:
+    """Where to start a candidate's fit: its unknowns z, (m,), and the half chi-squares that they gain there."""
+
+    z: Array
+    gain: float
+
+
 class Projector:
     """Solves for the nominal parameters beside an added column.
 
@@ -75,13 +83,19 @@ class Projector:
         """Return by how much the cost falls with the column as it is."""
         return self.cost - self._cost(self.residual - column[self.use])
 
-    def gain(self, column: Array) -> tuple[float, float]:
-        """Return by how much the cost falls with the column times its best stretch, and that stretch."""
+    def gain(self, column: Array, signed: bool) -> tuple[float, float]:
+        """Return by how much the cost falls with the column times its best stretch, and that stretch.
+
+        Args:
+            column: Whitened change, (n,).
+            signed: Whether the stretch may be negative.
+        """
         part = column[self.use]
         projected = self.project(column)[self.use]
         norm = float(projected @ part)
         stretch = float(projected @ self.residual) / norm if norm > 1e-12 else 1.0
-        stretch = float(np.clip(stretch, *STRETCH))
+        size = float(np.clip(abs(stretch), *STRETCH))
+        stretch = -size if stretch < 0.0 and signed else size
         return self.cost - self._cost(self.residual - stretch * part), stretch
 
     def _cost(self, residual: Array) -> float:
@@ -115,7 +129,7 @@ def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Cand
                 continue
             projected = projector.project(column)
             kept = min(float(np.linalg.norm(projected[use])) / norm, 1.0)
-            gain, stretch = projector.gain(column)
+            gain, stretch = projector.gain(column, candidate.signed)
             begin = np.array(start)
             for i, axis in enumerate(candidate.axes):
                 if axis.path in candidate.amplitudes:
@@ -149,8 +163,8 @@ def simulate_changes(
     return [predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0)) for change in changes]
 
 
-def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: Mask) -> Array:
-    """Return the start of a fit, (m,): the strength along the signature that takes most off the residual.
+def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: Mask) -> Strength:
+    """Return where to start a fit: the strength along the signature that takes most off the residual.
 
     Growth that stalls or a tendon that goes slack depend on the strength by leaps, over which no gradient leads.
     """
@@ -159,9 +173,9 @@ def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: 
     space = base.space.extend(candidate.axes, candidate.fixed)
     limits = space.limits_of(base.space.size)
     amplitude = np.array([axis.path in candidate.amplitudes for axis in candidate.axes], dtype=bool)
-    best, most = signature.start, -np.inf
     if not amplitude.any():
-        return best
+        return Strength(signature.start, signature.gain)
+    best, most = signature.start, -np.inf
     for factors in SEARCH:
         centre = best.copy()
         starts = [np.clip(np.where(amplitude, factor * centre, centre), *limits) for factor in factors]
@@ -170,7 +184,7 @@ def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: 
             gain = projector.exact_gain(column)
             if gain > most:
                 best, most = start, gain
-    return best
+    return Strength(best, most)
 
 
 def group_equivalent(signatures: Sequence[Signature], use: Mask) -> dict[str, list[str]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evergym.discrepancy.calibrate import refine
 from evergym.discrepancy.candidates import Candidate
 from evergym.discrepancy.cross_validate import CrossValidation, cross_validate
-from evergym.discrepancy.fit import Fit, fit_space
+from evergym.discrepancy.fit import Fit, fit_space, whitened_residual
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.screen import Signature, search_strength
 
@@ -23,7 +23,14 @@ Mask = NDArray[np.bool_]
 ITERATIONS = 5
 REFINE_FACTOR = 3.0
 """Candidates within this factor of the best one's excess get a Jacobian of their own before they are scored."""
-REFINED_MAX = 3
+REFINED_MAX = 2
+FITTED_MIN, WORTH = 2, 0.04
+"""Candidates whose signature takes less than this share of the best one's off the residual are not fitted, but for two:
+a signature is near enough to the truth for that."""
+CEILING = 1.5
+"""An experiment left out counts at most this many times what it does without the effect."""
+SPARE = 2
+"""Candidates that are looked at beyond those to be fitted."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +73,37 @@ class Score:
 
 
 def score_fit(
-    predictor: Predictor, fit: Fit, split: Split, effects: tuple[Candidate, ...], signature: Signature | None = None
+    predictor: Predictor,
+    fit: Fit,
+    split: Split,
+    effects: tuple[Candidate, ...] = (),
+    signature: Signature | None = None,
+    base: Score | None = None,
 ) -> Score:
-    """Cross-validate a fit."""
+    """Cross-validate a fit.
+
+    Args:
+        predictor: Simulations.
+        fit: The fit.
+        split: Its folds.
+        effects: The candidates in it.
+        signature: Of the last of them.
+        base: The model that it must be better than.
+    """
     nominals = fit.space.size - sum(effect.size for effect in effects)
-    validation = cross_validate(fit, predictor.measurement.experiment, split.folds, split.use, nominals)
+
+    def simulate(z: Array, samples: NDArray[np.int64]) -> Array:
+        runs = sorted(set(predictor.measurement.run[samples].tolist()))
+        prediction = predictor.predict_part(fit.space.setting(z), runs, fit.prediction)
+        return whitened_residual(predictor, prediction)[samples]
+
+    experiment = predictor.measurement.experiment
+    ceiling = None
+    if base is not None:
+        counts = np.array([np.sum((experiment == fold) & split.use) for fold in split.folds])
+        ceiling = CEILING * base.validation.chi2 + counts
+    exact = simulate if base is not None else None
+    validation = cross_validate(fit, experiment, split.folds, split.use, nominals, exact, ceiling)
     scaled = predictor.measurement.scale(validation.residual)[split.use]
     excess = max(float(np.mean(scaled**2)) - 1.0, 0.0)
     return Score(effects, fit, validation, excess, signature)
@@ -79,26 +112,40 @@ def score_fit(
 def fit_candidates(
     predictor: Predictor, base: Score, signatures: Sequence[Signature], split: Split, count: int
 ) -> list[Score]:
-    """Fit the first ``count`` candidates on top of ``base`` and return their scores, best first."""
+    """Fit the most promising candidates on top of ``base`` and return their scores, best first.
+
+    Args:
+        predictor: Simulations.
+        base: The recalibrated model, or one with effects in already.
+        signatures: Of the candidates, the most promising first.
+        split: Samples that choose.
+        count: Candidates to fit at most.
+    """
+    found = [(search_strength(predictor, base.fit, s, split.use), s) for s in signatures[: count + SPARE]]
+    found.sort(key=lambda pair: -pair[0].gain)
+    worth = [pair for rank, pair in enumerate(found) if rank < FITTED_MIN or pair[0].gain > WORTH * found[0][0].gain]
     scores = []
-    for signature in signatures[:count]:
-        fit = _fit_candidate(predictor, base.fit, signature, split.use)
+    for strength, signature in worth[:count]:
+        fit = _fit_candidate(predictor, base.fit, signature.candidate, strength.z, split.use)
         effects = (*base.effects, signature.candidate)
-        scores.append(score_fit(predictor, fit, split, effects, signature))
-    scores.sort(key=lambda score: score.validation.total)
+        scores.append(score_fit(predictor, fit, split, effects, signature, base))
+    scores.sort(key=_rank)
     refined: list[Score] = []
     for rank, score in enumerate(scores):
         if rank < REFINED_MAX and score.excess <= REFINE_FACTOR * scores[0].excess + 0.1:
             fit = refine(predictor, score.fit, split.use)
-            score = score_fit(predictor, fit, split, score.effects, score.signature)
+            score = score_fit(predictor, fit, split, score.effects, score.signature, base)
         refined.append(score)
-    return sorted(refined, key=lambda score: score.validation.total)
+    return sorted(refined, key=_rank)
 
 
-def _fit_candidate(predictor: Predictor, base: Fit, signature: Signature, use: Mask) -> Fit:
-    candidate = signature.candidate
+def _rank(score: Score) -> float:
+    return score.validation.total
+
+
+def _fit_candidate(predictor: Predictor, base: Fit, candidate: Candidate, start: Array, use: Mask) -> Fit:
     space = base.space.extend(candidate.axes, candidate.fixed)
     new = list(range(base.space.size, space.size))
     jacobian = np.concatenate((base.jacobian, np.zeros((len(base.residual), len(new)))), axis=1)
-    start = np.concatenate((base.z, search_strength(predictor, base, signature, use)))
+    start = np.concatenate((base.z, start))
     return fit_space(predictor, space, start, use, jacobian=jacobian, refresh=new, iterations=ITERATIONS)

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Run
 from evergym.discrepancy.playback import Playback, make_command
-from evergym.discrepancy.rig import choose_numerics, refine_for_contact, refine_for_hanging, refine_for_ripple
+from evergym.discrepancy.rig import (
+    choose_numerics,
+    refine_for_contact,
+    refine_for_effects,
+    refine_for_hanging,
+    refine_for_length,
+)
 from evergym.discrepancy.schedule import Step, plan_steps
 from evergym.discrepancy.surroundings import open_world
 from evergym.errors import SimulationDiverged
@@ -23,7 +29,7 @@ from evergym.simulator import Simulator
 if TYPE_CHECKING:
     from evergym.discrepancy.hook import Hook
 
-__all__ = ["Prediction", "fit_damping", "make_command", "simulate_run", "try_simulate_run"]
+__all__ = ["Prediction", "find_longest", "fit_damping", "make_command", "simulate_run", "try_simulate_run"]
 
 Array = NDArray[np.float64]
 
@@ -77,7 +83,8 @@ def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Se
     if run.setup == "sheath" and not np.any(np.nan_to_num(run.commands[:, :2]) != 0.0):
         numerics = refine_for_hanging(numerics, run.initial_everted_length_mm)
     if run.setup != "catheter":
-        numerics = refine_for_ripple(model, numerics)
+        numerics = refine_for_length(numerics, find_longest(run))
+    numerics = refine_for_effects(model, numerics, run.setup)
     simulator = Simulator(fit_damping(model, run, numerics.step_s), open_world(run), numerics, run.setup)
     playback = Playback(simulator, run, hooks)
     time = run.time_s
@@ -94,6 +101,16 @@ def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Se
         elif joined:
             share = ((time[step.first + 1 : step.last] - time[step.first]) / step.duration)[:, None]
             channels[step.first + 1 : step.last] = (1.0 - share) * channels[step.first] + share * channels[step.last]
+
+
+def find_longest(run: Run) -> float:
+    """Return the longest that the robot can get in a run by its feeds, were the sheath long enough [mm]."""
+    duration = np.diff(run.time_s)
+    insertion, tail = np.nan_to_num(run.commands[:-1, :1]).ravel(), run.commands[:-1, 1]
+    feed = np.where(np.isnan(tail), 2.0 * insertion, tail)
+    grown = 0.5 * np.maximum(feed, 0.0) @ duration
+    inserted = np.maximum(insertion, 0.0) @ duration
+    return float(run.initial_everted_length_mm + max(grown, inserted))
 
 
 def _hides_corner(channels: Array, time: Array, step: Step) -> bool:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +16,7 @@ from evergym.discrepancy.blind import campaign as module
 from evergym.discrepancy.blind.campaign import load_scores, run_campaign
 from evergym.discrepancy.blind.command import Blind
 from evergym.discrepancy.blind.folders import CaseFolders, fill_folder, write_json
+from evergym.discrepancy.blind.processes import Ended, Processes
 from evergym.discrepancy.blind.truth import Kind, find_kind
 from evergym.errors import ConfigError, RunError
 
@@ -50,18 +54,21 @@ class Engine:
         self.calls: list[tuple[str, tuple[str, ...], Path]] = []
         self.seen: list[set[str]] = []
 
-    def __call__(self, name: str, words: Sequence[str], place: Path) -> tuple[int, str, str]:
+    def run(self, name: str, words: Sequence[str], place: Path, *_: object) -> Ended:
         self.calls.append((name, tuple(words), place))
         self.seen.append({str(path.relative_to(place)) for path in place.rglob("*")})
         (place / "out").mkdir()
         (place / "out" / "diagnosis.json").write_text(json.dumps(SAID))
-        return 0, "", ""
+        return Ended(0, "", "")
+
+    def stop(self) -> None:
+        """Nothing runs."""
 
 
 @pytest.fixture
 def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
     engine = Engine()
-    monkeypatch.setattr(module, "_call", engine)
+    monkeypatch.setattr(module, "Processes", lambda: engine)
     return engine
 
 
@@ -73,7 +80,7 @@ def test_the_diagnosis_is_given_the_dataset_and_the_model_and_nothing_else(tmp_p
     run_campaign(folder, 1, 11, workers=1, baselines=False)
     ((name, words, place),) = engine.calls
     assert name == "evergym.agents.cli"
-    assert words == ("diagnose", "dataset", "--model", "model.toml", "--out", "out")
+    assert words == ("diagnose", "dataset", "--model", "model.toml", "--out", "out", "--jobs", str(os.cpu_count()))
     assert engine.seen == [{"dataset", "dataset/samples.csv", "model.toml"}]
     assert folder not in place.parents  # nothing leads from here to what is sealed
     assert not place.exists()
@@ -136,6 +143,28 @@ def test_nothing_to_score_and_nothing_to_run_are_errors(tmp_path: Path) -> None:
         load_scores(tmp_path)
     with pytest.raises(ConfigError, match="at least 1 case"):
         run_campaign(tmp_path, 0, 1)
+
+
+def test_a_stopped_campaign_leaves_nothing_running(tmp_path: Path) -> None:
+    processes = Processes()
+    timer = threading.Timer(1.0, processes.stop)
+    timer.start()
+    begin = time.monotonic()
+    # A process with a process of its own.
+    script = tmp_path / "slow.py"
+    script.write_text("import subprocess, sys\nsubprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])\n")
+    with pytest.raises(RunError, match="was stopped"):
+        processes.run("slow", [], tmp_path)
+    assert time.monotonic() - begin < 30.0
+    with pytest.raises(RunError, match="was stopped"):
+        processes.run("slow", [], tmp_path)
+
+
+def test_a_process_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text("import time\ntime.sleep(60)\n")
+    ended = Processes().run("slow", [], tmp_path, time_limit=1.0)
+    assert ended.code != 0
+    assert "Stopped after 1 s" in ended.message
 
 
 @pytest.mark.slow

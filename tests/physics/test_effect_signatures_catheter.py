@@ -220,7 +220,7 @@ def test_windup_lags_with_memory_and_pressure_and_anisotropy_does_neither(create
     load, answers = 1e-5, {}
     for name, changes in (
         ("torsional_windup", {**SQUEEZE, "robot.catheter_anisotropy": 15.0}),
-        ("bending_anisotropy", {"robot.catheter_anisotropy": 15.0}),
+        ("bending_anisotropy", {"bending_anisotropy.enabled": True, "robot.catheter_anisotropy": 15.0}),
     ):
         for pressure in (10.0 * KPA, 40.0 * KPA):
             two_sided = {**NO_GROWTH, "wall_wrinkling.enabled": False}

@@ -100,3 +100,15 @@ def test_show_does_not_overwrite(paper: Path, tmp_path: Path, capsys: pytest.Cap
     assert main(["dataset", "show", str(paper), "--out", str(out), "--runs", "fig9"]) == 1
     assert "is there already" in capsys.readouterr().err
     assert out.read_bytes() == b"mine"
+
+
+def test_check_remarks_a_table_with_its_own_readings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Pull and reading in one row, five seconds apart: what the catheter of Fig. 7 gave."""
+    pulls, angles = (0.7, 1.2, 1.8, 2.2, 1.5, 0.9), (20, 32, 49, 57, 40, 27)
+    rows = [f"r1,{5 * i},{pull},{angle}" for i, (pull, angle) in enumerate(zip(pulls, angles, strict=True))]
+    (tmp_path / "samples.csv").write_text("\n".join(["run,time_s,tendon_pull_mm,tip_angle_deg", *rows]))
+    (tmp_path / "dataset.toml").write_text(
+        'schema = 1\n[noise]\ntip_angle_deg = 0.5\n[[run]]\nid = "r1"\nsetup = "catheter"\n'
+    )
+    assert main(["dataset", "check", str(tmp_path)]) == 0
+    assert "run 'r1': a row's measurements belong to its own commands" in capsys.readouterr().out

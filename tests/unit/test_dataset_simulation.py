@@ -16,7 +16,7 @@ from evergym.discrepancy.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.dataset import Dataset, Run
 from evergym.discrepancy.rig import Fidelity, apply_robot, choose_numerics
 from evergym.discrepancy.schedule import plan_steps
-from evergym.discrepancy.simulate import fit_damping, make_command, simulate_run, try_simulate_run
+from evergym.discrepancy.simulate import find_longest, fit_damping, make_command, simulate_run, try_simulate_run
 from evergym.errors import ConfigError, SimulationDiverged
 from evergym.model import Model, Numerics, load_model
 from evergym.simulator import Command, Simulator
@@ -153,7 +153,7 @@ def test_an_empty_tail_feed_is_coupled() -> None:
 
 def test_steps_are_joined_where_commands_ramp_and_not_across_events() -> None:
     time = np.arange(0.0, 8.001, 0.02)
-    pull = np.interp(time, [0.0, 2.0, 4.0, 8.0], [0.0, 2.0, 0.0, 0.0])
+    pull = np.interp(time, [0.0, 2.0, 4.0, 8.0], [0.0, 4.0, 0.0, 0.0])
     steps = plan_steps(make_run(time, tendon_pull_mm=pull), 0.125)
     assert len(steps) < len(time) / 4
     assert steps[0].first == 0
@@ -162,9 +162,18 @@ def test_steps_are_joined_where_commands_ramp_and_not_across_events() -> None:
         assert after.first == before.last
     assert sum(step.duration for step in steps) == pytest.approx(8.0)
     ends = {round(float(time[step.last]), 6) for step in steps}
-    assert {2.0, 4.0} <= ends  # reversal, and end of the ramp
+    assert {2.02, 4.02} <= ends  # the rows whose commands reverse and end the ramp
     assert max(step.duration for step in steps) <= 0.25 + 1e-9
     assert max(step.duration for step in steps if not step.rests) <= 0.125 + 1e-9
+
+
+def test_rounding_and_jitter_of_a_logged_ramp_are_no_events() -> None:
+    time = np.arange(0.0, 4.001, 0.02)
+    rng = np.random.default_rng(0)
+    pull = np.round(0.7 * time, 2)  # increments of 0.01 and 0.02
+    pressure = 20.0 + 0.01 * rng.standard_normal(len(time))
+    steps = plan_steps(make_run(time, tendon_pull_mm=pull, pressure_kpa=pressure), 0.125)
+    assert len(steps) < len(time) / 3
 
 
 def test_joined_rates_move_as_far_as_the_rows_did() -> None:
@@ -395,3 +404,26 @@ def test_a_hanging_sheath_has_its_kink_in_a_short_section() -> None:
     droop = channel(fine, "bending_angle_deg")[-1]
     assert droop > 20.0
     assert channel(fast, "bending_angle_deg")[-1] == pytest.approx(droop, abs=0.6)  # 0.3 degrees a half millimetre
+
+
+def test_steps_are_short_enough_for_friction_along_the_tendon() -> None:
+    """Which takes the bend of a step's start: without the refinement 0.6 of a bench's noise, with it 0.2."""
+    time = np.arange(0.0, 6.001, 0.1)
+    run = make_run(time, "catheter", tendon_pull_mm=4.5 * (1.0 - np.abs(time / 3.0 - 1.0)))
+    model = change_effect("tendon_friction", mu=0.15)
+    fine = simulate_run(model, run, dataclasses.replace(choose_numerics(model, "catheter"), step_s=1.0 / 128.0))
+    error = simulate_run(model, run) - fine
+    assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 0.25 * NOISE)
+    assert np.abs(simulate_run(MODEL, run) - fine).max() > 5.0  # the effect itself is seen
+
+
+def test_a_short_robot_of_much_material_has_sections() -> None:
+    """Sections follow what a run can grow to, not only the material: a load bends 60 of 5000 mm as it should."""
+    robot = dataclasses.replace(MODEL.robot, sheath_material_length_mm=10_000.0)
+    model = dataclasses.replace(MODEL, robot=robot)
+    run = make_run(np.array([0.0, 2.0]), everted_mm=60.0, load_x_n=0.01, pressure_kpa=20.0)
+    assert choose_numerics(model, "full").section_length_mm == 50.0
+    x = channel(simulate_run(model, run), "tip_x_mm")[-1]
+    fine = channel(simulate_run(model, run, Numerics(section_length_mm=1.0)), "tip_x_mm")[-1]
+    assert x == pytest.approx(fine, abs=0.05)
+    assert find_longest(make_run(np.array([0.0, 2.0, 4.0]), insertion_mm_s=[3.0, 1.0, 9.0])) == pytest.approx(48.0)

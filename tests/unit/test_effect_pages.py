@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import pytest
@@ -59,9 +60,12 @@ def test_every_parameter_is_explained() -> None:
     assert [page.name for page in pages if len(page.law) < 40 or not page.info.moves] == []
 
 
-def test_partners_know_each_other_and_can_be_separated() -> None:
-    for name, kind in EFFECTS.items():
-        assert set(kind.info.partners) <= set(EFFECTS) - {name}
+def test_every_partner_can_be_separated() -> None:
+    """A sentence for every pair, and none for a pair that is not taken for each other."""
+    pairs = {frozenset((name, partner)) for name, kind in EFFECTS.items() for partner in kind.info.partners}
+    explained = {frozenset(pair) for group in SEPARATIONS for pair in itertools.combinations(group, 2)}
+    assert sorted(map(sorted, pairs - explained)) == []
     for group in SEPARATIONS:
+        assert set(group) <= set(EFFECTS)
         for name in group:
-            assert set(EFFECTS[name].info.partners) & set(group), f"{name} does not name a partner in {group}"
+            assert any(frozenset((name, other)) in pairs for other in group), f"{name} in {group}"

@@ -10,10 +10,8 @@ import concurrent.futures
 import importlib.util
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,6 +21,7 @@ from tqdm import tqdm
 
 from evergym.cache import compute_source_digest
 from evergym.discrepancy.blind.folders import CaseFolders, fill_folder, read_json, write_json
+from evergym.discrepancy.blind.processes import Processes
 from evergym.discrepancy.blind.score import CaseScore, score_case
 from evergym.discrepancy.blind.truth import Kind
 from evergym.errors import ConfigError, RunError
@@ -77,22 +76,22 @@ def run_campaign(folder: Path, cases: int, seed: int, workers: int = 0, baseline
     batches = [waiting[i : i + BATCH] for i in range(0, len(waiting), BATCH)]
     _map(
         "sealing",
-        lambda batch: _run_module(SEALER, [str(folder), str(seed)], batch),
+        lambda batch, processes: _run_module(processes, SEALER, [str(folder), str(seed)], batch),
         batches,
         count,
-        sum(map(len, batches)),
     )
+    jobs = max((os.cpu_count() or 1) // count, 1)
     engine = _find_digest(ENGINE)
     undone = [[case] for case in all_cases if not _is_done(case, engine)]
-    _map("diagnosing", lambda group: diagnose_case(group[0], engine), undone, count, len(undone))
+    _map("diagnosing", lambda group, processes: diagnose_case(processes, group[0], engine, jobs), undone, count)
     done = [case for case in all_cases if (case.diagnosis / "diagnosis.json").is_file() and not case.recheck.is_file()]
     done = [case for case in done if read_json(case.truth)["kind"] in HIDING]
     groups = [done[i : i + BATCH] for i in range(0, len(done), BATCH)]
-    _map("checking", lambda batch: _run_module(RECHECK, [str(folder)], batch), groups, count, len(done))
+    _map("checking", lambda batch, processes: _run_module(processes, RECHECK, [str(folder)], batch), groups, count)
     if baselines:
         # Data that the diagnosis has refused are no data for a baseline either.
         plain = [[case] for case in all_cases if not case.baselines.is_file() and read_json(case.outcome)["exit"] == 0]
-        _map("baselines", lambda group: _run_baselines(group[0]), plain, count, len(plain))
+        _map("baselines", lambda group, processes: _run_baselines(processes, group[0]), plain, count)
     return load_scores(folder, cases)
 
 
@@ -126,15 +125,22 @@ def load_scores(folder: Path, cases: int | None = None, baseline: str = "") -> l
     return scores
 
 
-def diagnose_case(case: CaseFolders, engine: str) -> None:
-    """Diagnose one case as a user would, where nothing but its dataset and model can be seen."""
+def diagnose_case(processes: Processes, case: CaseFolders, engine: str, jobs: int) -> None:
+    """Diagnose one case as a user would, where nothing but its dataset and model can be seen.
+
+    Args:
+        processes: Of the campaign.
+        case: The case; of its folders, only the public one is read.
+        engine: Digest of the diagnosis's code, kept with the outcome.
+        jobs: Cores that the diagnosis may use.
+    """
     with fill_folder(case.result) as draft, tempfile.TemporaryDirectory(prefix="bench-") as place:
         bench = Path(place)
         shutil.copytree(case.public / "dataset", bench / "dataset")
         shutil.copyfile(case.public / "model.toml", bench / "model.toml")
-        words = ["diagnose", "dataset", "--model", "model.toml", "--out", "out"]
+        words = ["diagnose", "dataset", "--model", "model.toml", "--out", "out", "--jobs", str(jobs)]
         start = time.monotonic()
-        code, output, message = _call("evergym.agents.cli", words, bench)
+        ended = processes.run("evergym.agents.cli", words, bench, _make_environment(), TIME_LIMIT_S)
         seconds = time.monotonic() - start
         out = bench / "out"
         written = sorted(path.name for path in out.iterdir()) if out.is_dir() else []
@@ -142,51 +148,35 @@ def diagnose_case(case: CaseFolders, engine: str) -> None:
             shutil.copytree(out, draft / case.diagnosis.name)
         if case.baselines.is_file():  # they know nothing of the engine, so they stay as they are
             shutil.copyfile(case.baselines, draft / case.baselines.name)
-        (draft / "stdout.txt").write_text(output, encoding="utf-8")
-        (draft / "stderr.txt").write_text(message, encoding="utf-8")
-        write_json(
-            {"exit": code, "seconds": seconds, "message": message[-4000:], "written": written, "engine": engine},
-            draft / case.outcome.name,
-        )
+        (draft / "stdout.txt").write_text(ended.output, encoding="utf-8")
+        (draft / "stderr.txt").write_text(ended.message, encoding="utf-8")
+        outcome = {"exit": ended.code, "seconds": seconds, "jobs": jobs, "message": ended.message[-4000:]}
+        write_json({**outcome, "written": written, "engine": engine}, draft / case.outcome.name)
 
 
-def _run_baselines(case: CaseFolders) -> None:
+def _run_baselines(processes: Processes, case: CaseFolders) -> None:
     words = [str(case.public / "dataset"), str(case.public / "model.toml"), str(case.baselines)]
-    code, _, message = _call(BASELINES, words, case.result)
-    if code != 0:
-        last = (message.strip().splitlines() or ["no message"])[-1]
-        raise RunError(f"The baselines failed on case {case.index}: {last}")
+    ended = processes.run(BASELINES, words, case.result, _make_environment())
+    if ended.code != 0:
+        raise RunError(f"The baselines failed on case {case.index}: {_last_line(ended.message)}")
 
 
-def _call(module: str, words: Sequence[str], place: Path) -> tuple[int, str, str]:
-    environment = {name: os.environ[name] for name in INHERITED if name in os.environ}
-    # As many cases run at once as there are cores: a diagnosis that starts threads of its own would only be in the way.
-    environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-    arguments = [sys.executable, "-m", module, *words]
-    process = subprocess.Popen(  # noqa: S603  (this interpreter, words of our own)
-        arguments, cwd=place, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        output, message = process.communicate(timeout=TIME_LIMIT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        output, message = process.communicate()
-        message += f"\nThe diagnosis was stopped after {TIME_LIMIT_S:g} s."
-    except BaseException:
-        process.kill()
-        process.communicate()
-        raise
-    return process.returncode, output, message
+def _make_environment() -> dict[str, str]:
+    """Return a bare environment; several cases run at once, so threads of a library would only be in the way."""
+    kept = {name: os.environ[name] for name in INHERITED if name in os.environ}
+    return kept | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
-def _run_module(module: str, words: Sequence[str], cases: Sequence[CaseFolders]) -> None:
+def _run_module(processes: Processes, module: str, words: Sequence[str], cases: Sequence[CaseFolders]) -> None:
     """Run a module of ours on several cases, in a process that says on stdout which it has done."""
-    arguments = [sys.executable, "-m", module, *words, *(str(case.index) for case in cases)]
-    done = subprocess.run(arguments, capture_output=True, text=True, check=False)  # noqa: S603  (as above)
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        failed = cases[min(len(done.stdout.split()), len(cases) - 1)]
-        raise RunError(f"Case {failed.index} failed in {module}: {last}")
+    ended = processes.run(module, [*words, *(str(case.index) for case in cases)], environment=_make_environment())
+    if ended.code != 0:
+        failed = cases[min(len(ended.output.split()), len(cases) - 1)]
+        raise RunError(f"Case {failed.index} failed in {module}: {_last_line(ended.message)}")
+
+
+def _last_line(message: str) -> str:
+    return (message.strip().splitlines() or ["no message"])[-1]
 
 
 def _is_done(case: CaseFolders, engine: str) -> bool:
@@ -219,29 +209,30 @@ def _find_digest(module: str) -> str:
 
 def _map(
     title: str,
-    function: Callable[[Sequence[CaseFolders]], None],
+    function: Callable[[Sequence[CaseFolders], Processes], None],
     groups: Sequence[Sequence[CaseFolders]],
     workers: int,
-    total: int,
 ) -> None:
     """Call a function on all groups of cases, several at once, and show the time left on stderr."""
     if not groups:
         return
-    stop = threading.Event()
+    processes = Processes()
 
     def run(group: Sequence[CaseFolders]) -> int:
-        if stop.is_set():
-            return 0
-        function(group)
+        function(group, processes)
         return len(group)
 
+    total = sum(map(len, groups))
     with (
         tqdm(total=total, desc=title, unit="case", file=sys.stderr, mininterval=5.0, dynamic_ncols=True) as bar,
         concurrent.futures.ThreadPoolExecutor(workers) as pool,
     ):
+        futures = [pool.submit(run, group) for group in groups]
         try:
-            for future in concurrent.futures.as_completed([pool.submit(run, group) for group in groups]):
+            for future in concurrent.futures.as_completed(futures):
                 bar.update(future.result())
         except BaseException:
-            stop.set()  # what has begun is finished or dies with the interrupt; nothing new begins
+            for future in futures:
+                future.cancel()
+            processes.stop()
             raise

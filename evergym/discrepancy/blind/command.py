@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import signal
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,15 +32,20 @@ class Blind:
     json: bool = False
     """Print the results as JSON."""
     workers: int = 0
-    """Cases at once (0: one per core)."""
+    """Cases at once (0: one per core); each diagnosis gets an equal share of the cores."""
     baselines: bool = True
     """Run simpler methods on the same data, too."""
     pool: tuple[Path, ...] = ()
     """Run nothing: pool the results of these campaigns' folders."""
 
     def run(self) -> int:
-        """Run the campaign and print its table."""
+        """Run the campaign and print its table.
+
+        Raises:
+            KeyboardInterrupt: The campaign was stopped, by Ctrl-C or a signal; what is done is kept.
+        """
         if not self.pool:
+            _treat_termination_as_interrupt()
             run_campaign(self.out, self.cases, self.seed, self.workers, self.baselines)
         folders, cases = (self.pool, None) if self.pool else ((self.out,), self.cases)
 
@@ -59,3 +66,13 @@ class Blind:
             print_summary(summary)
             print_baselines(summary, {name: other for name, other in simpler.items() if other.cases})
         return 0
+
+
+def _treat_termination_as_interrupt() -> None:
+    """Let a campaign that is told to terminate end its processes first."""
+
+    def interrupt(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt("Run the same command again to go on.")
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, interrupt)
