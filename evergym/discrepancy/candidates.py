@@ -53,6 +53,7 @@ class Candidate:
         partners: Effects that look alike.
         amplitudes: Paths of the parameters that switch it off.
         signed: Whether all amplitudes may be negative.
+        strong: Number of starts, the first ones, at full strength.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Candidate:
     partners: tuple[str, ...]
     amplitudes: tuple[str, ...]
     signed: bool
+    strong: int
 
     @property
     def size(self) -> int:
@@ -121,10 +123,16 @@ def _build(
         axis = _make_axis(path, info, off.get(path), typical.get(path))
         axes.append(axis)
         amplitude.append(path in off)
-    starts = _make_starts(axes, amplitude)
+    together = [path in off and typical[path] != off[path] for path in infos]
+    starts = _make_starts(axes, amplitude, together)
     names = tuple(axis.path for axis, is_amplitude in zip(axes, amplitude, strict=True) if is_amplitude)
     signed = bool(names) and all(axis.z_limits[0] <= -1.0 for axis in axes if axis.path in names)
-    return Candidate(name, tuple(axes), dict(fixed), tuple(starts), partners, names, signed)
+    strong = sum(1 for start in starts if max(_amplitudes(start, amplitude), default=1.0) >= 1.0)
+    return Candidate(name, tuple(axes), dict(fixed), tuple(starts), partners, names, signed, strong)
+
+
+def _amplitudes(start: Sequence[float], amplitude: Sequence[bool]) -> list[float]:
+    return [x for x, is_amplitude in zip(start, amplitude, strict=True) if is_amplitude]
 
 
 def _make_axis(path: str, info: ParameterInfo, off: object, typical: object) -> Axis:
@@ -148,8 +156,14 @@ def _default_scale(low: float, high: float, origin: float) -> float:
     return 0.1 * reach if np.isfinite(reach) else 1.0
 
 
-def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool]) -> list[tuple[float, ...]]:
-    """Return starts: every amplitude alone, in both signs where allowed, and a few values of what shapes the effect."""
+def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool], together: Sequence[bool]) -> list[tuple[float, ...]]:
+    """Return starts, the strongest first: amplitudes alone and together, and a few values of what shapes the effect.
+
+    Args:
+        axes: The unknowns.
+        amplitude: Which of them switch the effect off.
+        together: Amplitudes that are typical together: a yield has a static and a kinetic part.
+    """
     places = [i for i, is_amplitude in enumerate(amplitude) if is_amplitude]
     signed = any(axes[place].z_limits[0] <= -1.0 for place in places)
     shapes = [
@@ -158,12 +172,15 @@ def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool]) -> list[tuple[
     ]
     # What has a sign has no dead band: one strength shows it.
     once = signed or any(axis.path.endswith("_hz") for axis in axes)
+    subsets = [[place] for place in places] or [[]]
+    if sum(together) > 1:
+        subsets.insert(0, [i for i, is_typical in enumerate(together) if is_typical])
     starts: list[tuple[float, ...]] = []
-    for magnitude, place, shape in itertools.product(
-        MAGNITUDES[:1] if once else MAGNITUDES, places or [-1], itertools.product(*shapes)
+    for magnitude, subset, shape in itertools.product(
+        MAGNITUDES[:1] if once else MAGNITUDES, subsets, itertools.product(*shapes)
     ):
         z = list(shape)
-        if place >= 0:
+        for place in subset:
             z[place] = magnitude
         inside = all(axis.z_limits[0] <= x <= axis.z_limits[1] for axis, x in zip(axes, z, strict=True))
         if inside and tuple(z) not in starts:

@@ -96,15 +96,22 @@ class Predictor:
         Args:
             moves: (what is changed, the setting with the change).
             setting: The setting without.
-            mark_inert: Remember the runs that a change does not touch, and do not simulate them again for changes of
-                the same name: no growth law acts without a sheath. Only for changes that would show if they could.
+            mark_inert: Remember the runs that no change of a name touches, and do not simulate them again for changes
+                of that name: no growth law acts without a sheath. Only for changes that would show if they could.
         """
         moves = list(moves)
         indices = range(len(self.dataset.runs))
         wanted = [(setting, index) for index in indices]
         wanted += [(moved, i) for name, moved in moves for i in indices if (name, self._twin[i]) not in self._inert]
         self._prefetch(wanted, None)
-        return [self._change(name, moved, setting, mark_inert) for name, moved in moves]
+        tables = [self._change(name, moved, setting) for name, moved in moves]
+        if mark_inert:
+            for name in {name for name, _ in moves}:
+                mine = [table for (other, _), table in zip(moves, tables, strict=True) if other == name]
+                for index in indices:
+                    if not any(table[index].any() for table in mine):
+                        self._inert.add((name, self._twin[index]))
+        return [self.measurement.flatten(table) for table in tables]
 
     def simulate(self, setting: Setting, run: Run, fidelity: Fidelity | None = None) -> Array:
         """Return the predicted channels of any run, of the dataset or not, shape (k, 9); it is not remembered."""
@@ -112,17 +119,14 @@ class Predictor:
         self._count(prediction)
         return prediction.channels
 
-    def _change(self, name: str, moved: Setting, setting: Setting, mark_inert: bool) -> Array:
+    def _change(self, name: str, moved: Setting, setting: Setting) -> list[Array]:
         tables = []
         for index, run in enumerate(self.dataset.runs):
             if (name, self._twin[index]) in self._inert:
                 tables.append(np.zeros((len(run.time_s), len(CHANNELS))))
-                continue
-            change = self._predict_run(moved, index, None) - self._predict_run(setting, index, None)
-            if mark_inert and not change.any():
-                self._inert.add((name, self._twin[index]))
-            tables.append(change)
-        return self.measurement.flatten(tables)
+            else:
+                tables.append(self._predict_run(moved, index, None) - self._predict_run(setting, index, None))
+        return tables
 
     def _key(self, setting: Setting, index: int, fidelity: Fidelity | None) -> tuple[Setting, int, Fidelity]:
         index = self._twin[index]  # repeats are one simulation

@@ -151,14 +151,13 @@ def simulate_changes(
 ) -> list[Array]:
     """Return the whitened changes of the prediction from ``base`` to a candidate at each of ``starts``, each (n,).
 
-    In a screening the starts come with the strongest first; runs that it does not touch are not simulated again.
+    In a screening, runs that the strongest starts do not touch are not simulated again.
     """
     here = base.space.setting(base.z)
     moves = [(candidate.name, space.setting(np.concatenate((base.z, start)))) for start in starts]
     changes: list[Array] = []
-    # The strongest start goes alone: the runs that it leaves as they are need no other.
     if screening:
-        changes += predictor.predict_changes(moves[:1], here, mark_inert=True)
+        changes += predictor.predict_changes(moves[: candidate.strong], here, mark_inert=True)
     changes += predictor.predict_changes(moves[len(changes) :], here)
     return [predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0)) for change in changes]
 
