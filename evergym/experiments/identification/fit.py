@@ -89,6 +89,8 @@ def fit(
 ) -> FitResult:
     """Fit the free parameters of ``base`` to the selected readings, by robust least squares within their bounds.
 
+    A prior counts as much as a figure that is off by its scale where the parameter is off by one standard deviation.
+
     Args:
         base: The model whose other values stay.
         free: What is fitted.
@@ -106,6 +108,7 @@ def fit(
         for name, _ in selections
     ]
     known: dict[tuple[float | str, ...], Array] = {}
+    priors = [(i, *parameter.prior) for i, parameter in enumerate(free) if parameter.prior is not None]
 
     def evaluate(position: Array) -> Array:
         parts = []
@@ -119,6 +122,8 @@ def fit(
                 except (SimulationDiverged, ConfigError):
                     known[key] = np.full(len(selection.rows), 1e3)  # no robot: as far away as can be
             parts.append(known[key])
+        values = low + position * span
+        parts.append(np.array([(values[i] - mean) / deviation for i, mean, deviation in priors]))
         return np.concatenate(parts)
 
     found = least_squares(

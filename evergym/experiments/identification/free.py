@@ -20,6 +20,7 @@ class FreeParameter(NamedTuple):
         low: Smallest value tried.
         high: Largest value tried.
         figures: Figures that it acts in. Two or more: a parameter that only one figure knows would be no physics.
+        prior: Mean and standard deviation from a source that is none of the figures; None: none.
     """
 
     path: str
@@ -27,7 +28,13 @@ class FreeParameter(NamedTuple):
     low: float
     high: float
     figures: tuple[str, ...]
+    prior: tuple[float, float] | None = None
 
+
+KINK_PRIOR = {"moment_n_m": (7.3e-5, 7.3e-5), "pressure_share": (0.5, 0.25)}
+"""What theory says of the sheath's collapse without Fig. 9. A resting fold shares the thrust p A between wall and tail,
+to within its static yield Y (13.7 kPa): the wall carries (p + Y) A / 2 of it, and collapses at R times that,
+pi R^3 (p + Y) / 2. As uncertain as it is large: wall against tail is only known to be between (p - Y) and (p + Y)."""
 
 BENDING = (
     FreeParameter("robot.catheter_bending_stiffness_n_m2", 5e-4, 3e-4, 6e-4, ("fig6", "fig7", "fig10", "fig11")),
@@ -35,8 +42,12 @@ BENDING = (
     FreeParameter("effects.tendon_backlash.backlash_mm", 0.3, 0.1, 0.7, ("fig7", "fig10", "fig11")),
     FreeParameter("effects.tendon_backlash.lost_motion_mm", 1.5, 0.5, 3.5, ("fig10", "fig11")),
     FreeParameter("effects.clearance_play.angle_deg", 3.0, 0.05, 12.0, ("fig10", "fig11")),
-    FreeParameter("effects.root_kink.moment_n_m", 5e-5, 0.0, 6e-4, ("fig9", "fig10", "fig11")),
-    FreeParameter("effects.root_kink.pressure_share", 0.5, 0.0, 1.5, ("fig9", "fig10", "fig11")),
+    FreeParameter(
+        "effects.root_kink.moment_n_m", 5e-5, 0.0, 6e-4, ("fig9", "fig10", "fig11"), KINK_PRIOR["moment_n_m"]
+    ),
+    FreeParameter(
+        "effects.root_kink.pressure_share", 0.5, 0.0, 1.5, ("fig9", "fig10", "fig11"), KINK_PRIOR["pressure_share"]
+    ),
 )
 """Of statics. The tendon's arm stays at the notches' neutral axis of the published mesh: with a free line compliance
 the figures know only their combination (see the report of ``evergym identify``)."""
