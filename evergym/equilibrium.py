@@ -74,11 +74,12 @@ def _add_nodes(
         if i == n:
             along = 0.0
             if not parameters.effects.axial_buckling.enabled:
-                # The axis takes what presses along it.
-                along = command[5] * ws.tip_axis[0] + command[6] * ws.tip_axis[1] + command[7] * ws.tip_axis[2]
+                # The axis takes what presses along the port: taken along the tip, P sin(theta) would be left.
+                port = parameters.world.port_frame
+                along = command[5] * port[0, 2] + command[6] * port[1, 2] + command[7] * port[2, 2]
                 along = min(along, 0.0)
             for a in range(3):
-                load = command[5 + a] - along * ws.tip_axis[a]
+                load = command[5 + a] - along * parameters.world.port_frame[a, 2]
                 energy -= load * position[i, a]
                 gradient[a] -= load
     if touching:

@@ -27,8 +27,17 @@ __all__ = [
     "save_model",
 ]
 
-MODEL_NAMES = ("mammobot_2023", "mammobot_2021")
-"""Models that ship with the package: the robot of the paper, and its sharper predecessor."""
+MODEL_NAMES = (
+    "mammobot_2023",
+    "mammobot_2021",
+    "mammobot_2023_fitted",
+    "mammobot_2023_fitted_constant",
+    "mammobot_2023_fitted_proportional",
+    "mammobot_2023_predicted",
+)
+"""Models that ship with the package: the robot of the paper as the environments know it, its sharper predecessor, and
+what ``evergym identify`` made of the paper's figures (with the three growth laws that fit them, and from the component
+experiments only)."""
 
 TENDON_MASS_PER_METRE = 0.059e-3 / 0.095
 """Tendon inside the catheter [kg/m] (paper, Table I)."""

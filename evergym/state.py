@@ -250,8 +250,6 @@ class Workspace(NamedTuple):
     """Command of a part of a step, shape (8,)."""
     rubbing: Array
     """Exponent mu theta of the tendon's friction in this step [1], and the path last evaluated [m], shape (2,)."""
-    tip_axis: Array
-    """Direction of the tip at the step's start, shape (3,)."""
 
 
 def create_workspace(links: int) -> Workspace:
@@ -300,5 +298,4 @@ def create_workspace(links: int) -> Workspace:
         tip_stiffness=np.zeros(1),
         ramp=np.zeros(8),
         rubbing=np.zeros(2),
-        tip_axis=np.zeros(3),
     )

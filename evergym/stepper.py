@@ -126,8 +126,6 @@ def _prepare_tendon(parameters: Parameters, state: State, ws: Workspace) -> None
             share = ws.cover[j, 1] / state.length[j]
             angle += share * math.sqrt(state.bend[j, 0] ** 2 + state.bend[j, 1] ** 2)
         ws.rubbing[0] = parameters.effects.tendon_friction.mu * angle
-    for a in range(3):
-        ws.tip_axis[a] = state.frame[state.links[0], a, 2]
 
 
 @njit

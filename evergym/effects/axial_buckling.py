@@ -21,8 +21,8 @@ class AxialBucklingParameters(NamedTuple):
 class AxialBuckling:
     """A switch. On: it emerges from the exact kinematics. Off: the robot carries any push of the tip load along itself.
 
-    Off, the part of the tip load that presses along the tip's direction (of the last step) is taken by the inextensible
-    axis without bending it, so nothing amplifies or buckles. Contact forces keep their moment. Source: Haggerty et al.
+    Off, the part of the tip load that presses along the port's axis is taken by the inextensible axis without bending
+    it, so nothing amplifies or buckles. Contact forces keep their moment. Source: Haggerty et al.
     2019; Euler's loads in `tests/physics`.
     """
 

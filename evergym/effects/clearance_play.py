@@ -39,7 +39,7 @@ class ClearancePlay:
         row=26,
         acts_on="state",
         moves=("tip_x_mm", "tip_y_mm", "curvature_1_per_m", "tip_angle_deg"),
-        depends_on=("history", "orientation"),
+        depends_on=("orientation",),
         partners=("torsional_windup", "tendon_backlash", "saline_weight"),
         off={"angle_deg": 0.0},
         strength=("angle_deg",),

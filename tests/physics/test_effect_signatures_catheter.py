@@ -255,9 +255,6 @@ def test_push_along_the_robot_amplifies_and_buckles_where_buckling_is_on(create_
     assert _push(create_robot, False, -4.0) == pytest.approx(_push(create_robot, True, -4.0), rel=1e-9)
 
 
-@pytest.mark.xfail(
-    reason="off, the push is taken along the tip's direction, so its share across the turned tip is left: P theta"
-)
 def test_push_along_the_robot_does_nothing_where_buckling_is_off(create_robot: Create) -> None:
     for push in (0.5, 2.0):
         assert _push(create_robot, False, push) == pytest.approx(1.0, rel=0.01)
