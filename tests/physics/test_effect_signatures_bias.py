@@ -98,7 +98,9 @@ def test_biased_gauge_shifts_the_step_of_the_wall(create_robot: Create) -> None:
 
 
 LIMIT = 4.0
-PLAY = {"clearance_play.angle_deg": LIMIT, "clearance_play.centring_moment_n_m": 1e-4}
+LIMP_ROOT = {"root_kink.pressure_share": 1e-6}
+"""A sheath that holds nothing at its root, so that the play's own moment is alone."""
+PLAY = {"clearance_play.angle_deg": LIMIT, "clearance_play.centring_moment_n_m": 1e-4, **LIMP_ROOT}
 
 
 def _tilt(robot: Simulator, load: float) -> float:
@@ -117,6 +119,18 @@ def test_play_tilts_up_to_its_angle_and_no_further(create_robot: Create) -> None
         # 1 %: the first link of 0.5 mm tilts in place of bending, and the robot shortens its lever.
         expected = LIMIT * max(-1.0, min(1.0, share))
         assert _tilt(robot, load) == pytest.approx(expected, rel=0.01, abs=0.02)
+
+
+def test_the_sheaths_root_holds_the_catheter_in_its_play(create_robot: Create) -> None:
+    """Up to the kink's moment c pi p R^3 nothing tilts; beyond it and the centring moment, the whole play opens."""
+    share, centring = 0.3, 1e-5
+    changes = {**PLAY, "clearance_play.centring_moment_n_m": centring, "root_kink.pressure_share": share}
+    robot = create_robot({**STILL, **changes}, setup="full", section_mm=0.5)
+    hold = share * math.pi * 20.0 * KPA * 1.5e-3**3
+    robot.reset(everted_length=LENGTH, pressure=20.0 * KPA)
+    assert abs(_tilt(robot, 0.5 * hold / LENGTH)) < 0.05
+    assert _tilt(robot, (hold + 0.5 * centring) / LENGTH) == pytest.approx(0.5 * LIMIT, rel=0.05)
+    assert _tilt(robot, (hold + 2.0 * centring) / LENGTH) == pytest.approx(LIMIT, rel=0.02)
 
 
 @pytest.mark.parametrize("direction_deg", [90.0, 210.0])

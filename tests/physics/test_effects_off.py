@@ -20,9 +20,9 @@ from evergym.simulator import Command, Simulator
 from evergym.stepper import pack
 from evergym.world import World
 
-PRESS = (5e-3, -0.02, 0.0)
+PRESS = (5e-3, -0.02, -4e-3)
 LIFT = (0.0, 0.02, 0.0)
-"""Loads on the tip [N], into the wall and off it (where contacts would keep it from buckling)."""
+"""Loads on the tip [N], into the wall and against the port, and off it (where contacts would keep it from buckling)."""
 
 Edit = Callable[..., Model]
 CreatePlane = Callable[..., WallField]

@@ -45,9 +45,7 @@ BENDING = (
     FreeParameter(
         "effects.root_kink.moment_n_m", 5e-5, 0.0, 6e-4, ("fig9", "fig10", "fig11"), KINK_PRIOR["moment_n_m"]
     ),
-    FreeParameter(
-        "effects.root_kink.pressure_share", 0.5, 0.0, 1.5, ("fig9", "fig10", "fig11"), KINK_PRIOR["pressure_share"]
-    ),
+    FreeParameter("effects.root_kink.pressure_share", 0.5, 0.0, 1.5, ("fig9", "fig10"), KINK_PRIOR["pressure_share"]),
 )
 """Of statics. The tendon's arm stays at the notches' neutral axis of the published mesh: with a free line compliance
 the figures know only their combination (see the report of ``evergym identify``)."""
