@@ -146,7 +146,7 @@ def _make_axis(path: str, info: ParameterInfo, off: object, typical: object) -> 
     if path.endswith("_hz"):
         return Axis(path, value, GRID_HZ, low, high, tolerance=np.inf, step=0.1)
     if path.endswith("direction_deg"):
-        return Axis(path, value, TURN_DEG, low - 360.0, high + 360.0, tolerance=np.inf, step=0.2)
+        return Axis(path, value, TURN_DEG, low - 360.0, high + 360.0, tolerance=np.inf, step=0.2, turns=True)
     scale = 0.5 * abs(value) or _default_scale(low, high, value)
     return Axis(path, value, scale, low, high, tolerance=SHAPE_TOLERANCE, step=0.2)
 

@@ -32,11 +32,12 @@ def describe_effects(
     names: list[NamedEffect] = []
     parameters: dict[str, list[Interval]] = {}
     share = explained_share(base, chosen)
+    others = [rival for rival in rivals if rival.effects[0] not in chosen.effects]
     for position, effect in enumerate(chosen.effects):
         alone = next((rival for rival in rivals if rival.effects == (effect,)), None)
         if position == 0 and alone is not None:
-            equivalents = find_equivalents(alone, rivals, classes, thresholds)
-            confidence = estimate_confidence(share, alone, rivals)
+            equivalents = find_equivalents(alone, others, classes, thresholds)
+            confidence = estimate_confidence(share, alone, others)
         else:
             equivalents, confidence = (), estimate_confidence(share, chosen, ())
         own = share if len(chosen.effects) == 1 or alone is None else explained_share(base, alone)

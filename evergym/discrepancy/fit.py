@@ -60,7 +60,9 @@ def whitened_residual(predictor: Predictor, prediction: Array) -> Array:
     return measurement.whiten(difference)
 
 
-def compute_jacobian(predictor: Predictor, space: Space, z: Array, columns: list[int]) -> Array:
+def compute_jacobian(
+    predictor: Predictor, space: Space, z: Array, columns: list[int], mark_inert: bool = True
+) -> Array:
     """Return the change of the whitened prediction per unit of z for some unknowns, shape (n, len(columns))."""
     low, high = space.limits
     steps, moves = [], []
@@ -79,7 +81,7 @@ def compute_jacobian(predictor: Predictor, space: Space, z: Array, columns: list
     nominal = [space.axes[column].nominal for column in columns]
     for wanted in (True, False):
         places = [place for place, is_nominal in enumerate(nominal) if is_nominal is wanted]
-        changes = predictor.predict_changes([moves[place] for place in places], here, mark_inert=wanted)
+        changes = predictor.predict_changes([moves[place] for place in places], here, mark_inert=wanted and mark_inert)
         for place, change in zip(places, changes, strict=True):
             out[:, place] = np.where(np.isfinite(change), change, 0.0) / steps[place]
     return predictor.measurement.whiten(out)

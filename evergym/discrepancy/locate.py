@@ -21,6 +21,8 @@ Mask = NDArray[np.bool_]
 
 SAMPLES_MIN = 6
 """Cells with fewer samples are left out of the map."""
+P_VALUE_MIN = 1e-300
+"""Smaller ones cannot be written down."""
 SIGNIFICANCE = 0.01
 """Cells with a larger corrected p-value are noise."""
 
@@ -102,7 +104,7 @@ def _correct(cells: list[Cell]) -> list[Cell]:
     worst = 0.0
     for rank, place in enumerate(order):
         worst = max(worst, min(1.0, cells[place].p_value * (len(cells) - rank)))
-        corrected[place] = worst
+        corrected[place] = max(worst, P_VALUE_MIN)
     return [
         Cell(c.channel, c.regime, c.runs, c.samples, c.rms, c.excess, float(p))
         for c, p in zip(cells, corrected, strict=True)

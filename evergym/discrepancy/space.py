@@ -29,6 +29,7 @@ class Axis:
         tolerance: One standard deviation of the prior in units of z; infinite: unknown.
         step: Finite-difference step in units of z.
         nominal: A parameter that the model sets, not the strength of a candidate.
+        turns: A direction [deg]: it may go round, and is written between -180 and 180.
     """
 
     path: str
@@ -39,10 +40,14 @@ class Axis:
     tolerance: float = 1.0
     step: float = 0.3
     nominal: bool = False
+    turns: bool = False
 
     def value(self, z: float) -> float:
         """Return the value at z, within the limits."""
-        return min(max(self.origin + z * self.scale, self.low), self.high)
+        value = self.origin + z * self.scale
+        if self.turns:
+            return (value + 180.0) % 360.0 - 180.0
+        return min(max(value, self.low), self.high)
 
     @property
     def z_limits(self) -> tuple[float, float]:

@@ -49,8 +49,8 @@ class Thresholds:
 
     share_min: float = 0.7
     gain_min: float = 12.0
-    cell_min: float = 0.7
-    rest_cell_min: float = 1.0
+    cell_min: float = 1.5
+    rest_cell_min: float = 1.5
     tie_factor: float = 1.25
     tie_offset: float = 0.02
     further_gain_min: float = 24.0
