@@ -21,7 +21,7 @@ from evergym.discrepancy.blind.instruments import draw_bench, format_dataset, me
 from evergym.discrepancy.blind.outside import OUTSIDE
 from evergym.discrepancy.blind.plan import convert_plan
 from evergym.discrepancy.blind.play import play_campaign
-from evergym.discrepancy.blind.truth import HiddenPart, Kind, Truth, draw_truth
+from evergym.discrepancy.blind.truth import HiddenPart, Truth, draw_truth
 from evergym.discrepancy.parameters import set_values
 from evergym.errors import SimulationDiverged
 from evergym.model import Model
@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 ATTEMPTS = 4
 """A case whose effect is not detectable is drawn again, this often at most; the last one stands as it is."""
+EXPERIMENTS_MIN = 2
+"""An effect that shows in a single experiment is drawn again, too: nothing could be held out to test it on."""
 CELLS_SEALED = 12
 
 
@@ -99,19 +101,21 @@ def make_case(seed: int, index: int) -> Case:
         SimulationDiverged: No attempt gave a robot that can be simulated.
     """
     failure: SimulationDiverged | None = None
-    case: Case | None = None
+    cases: list[Case] = []
     for attempt in range(ATTEMPTS):
         try:
-            case = _make_attempt(draw_truth(seed, index, attempt))
+            cases.append(_make_attempt(draw_truth(seed, index, attempt)))
         except SimulationDiverged as error:
             failure = error
             continue
-        if case.sealed["kind"] == Kind.FAULT or all(part["detectable"] for part in case.sealed["detections"]):
-            return case
-    if case is None:
+        found = cases[-1].sealed["detections"]
+        if all(part["detectable"] and part["experiments"] >= EXPERIMENTS_MIN for part in found):
+            return cases[-1]
+    if not cases:
         assert failure is not None
         raise failure
-    return case
+    # The first that can be found at all, though perhaps in one experiment only; else the last.
+    return next((case for case in cases if all(p["detectable"] for p in case.sealed["detections"])), cases[-1])
 
 
 def _make_attempt(truth: Truth) -> Case:

@@ -7,6 +7,7 @@ difference is largest.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +31,7 @@ Mask = NDArray[np.bool_]
 
 SIGMAS = 3.0
 KEPT_SHARE = 0.1
+VISIBLE_SIGMAS = 1.0
 CELL_SAMPLES = 6
 """Least number of samples of a cell."""
 BOUND_TOLERANCES = 2.5
@@ -54,15 +56,17 @@ class Detection:
         detectable: By the definition above.
         kept_share: Of the part's signature, what the nominals cannot absorb.
         sigmas: Largest cell of what they cannot absorb [sigma rms].
+        experiments: In how many a channel differs by more than the noise; with one, nothing can be held out.
     """
 
     detectable: bool
     kept_share: float
     sigmas: float
+    experiments: int
 
     def to_json(self) -> dict[str, Any]:
         """Return what is sealed."""
-        return {"detectable": self.detectable, "kept_share": self.kept_share, "sigmas": self.sigmas}
+        return dataclasses.asdict(self)
 
 
 class Recalibration:
@@ -154,7 +158,18 @@ def weigh_part(
     share = kept / whole if whole > 0.0 else 0.0
     cells = find_cells(runs, left, list(sigma))
     largest = cells[0].sigmas if cells else 0.0
-    return Detection(bool(largest >= SIGMAS and share >= KEPT_SHARE), share, largest)
+    seen = bool(largest >= SIGMAS and share >= KEPT_SHARE)
+    return Detection(seen, share, largest, _count_experiments(runs, left))
+
+
+def _count_experiments(runs: Sequence[Run], residual: Sequence[Array]) -> int:
+    found = set()
+    for run, values in zip(runs, residual, strict=True):
+        measured = np.isfinite(values)
+        square = np.where(measured, values, 0.0) ** 2
+        if np.any(square.sum(axis=0) > VISIBLE_SIGMAS**2 * np.maximum(measured.sum(axis=0), 1)):
+            found.add(run.experiment)
+    return len(found)
 
 
 def find_cells(runs: Sequence[Run], residual: Sequence[Array], channels: Sequence[str]) -> list[Cell]:

@@ -116,6 +116,13 @@ class GrowthLaw(Alteration):
             self._speed = growth / (dt / PARTS)
         return replace(command, tail_feed_velocity=2.0 * (length - start) * MM / dt)
 
+    def find_stall_length(self, pressure_kpa: float, feed_mm_s: float) -> float:
+        """Return the length [mm] to which a straight robot grows at a pressure and feed, its catheter along with it."""
+        self._speed, self._moving = 0.0, False
+        lengths = np.linspace(0.0, self._length_max_mm, 200)
+        grows = [pressure_kpa > self._resist(float(x), pressure_kpa, feed_mm_s, 0.0, float(x)) for x in lengths]
+        return float(lengths[int(np.argmin(grows))]) if not all(grows) else self._length_max_mm
+
     def _advance(
         self, length: float, pressure: float, feed: float, turn: float, push: float, catheter: float, dt: float
     ) -> float:

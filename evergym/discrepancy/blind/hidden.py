@@ -127,7 +127,7 @@ HIDDEN: dict[str, HiddenEffect] = {
         _with(lambda v: {"play_deg": 37.0 * v["mu"], "pressure_share": 0.85, "edge_share": 0.1}),
     ),
     "wall_pretension": HiddenEffect({"eccentricity_mm": (0.4, 1.0)}, ("pressure_steps", "roll_sweep", *TENDON)),
-    "wall_creep": HiddenEffect({"share": (0.3, 0.7), "time_s": (2.0, 8.0)}, ("hold", "pressure_steps", *TENDON)),
+    "wall_creep": HiddenEffect({"share": (0.5, 0.9), "time_s": (1.5, 6.0)}, ("hold", "pressure_steps", *TENDON)),
     "notch_closure": HiddenEffect({"curvature_1_per_m": (4.0, 7.0)}, TENDON, {"stiffness_n_m2": 2e-3}),
     "clearance_play": HiddenEffect({"angle_deg": (2.0, 5.0)}, ("load_steps", "roll_sweep", "tendon_staircase")),
     "pressure_droop": HiddenEffect(

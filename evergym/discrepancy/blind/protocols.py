@@ -14,6 +14,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from evergym.discrepancy.blind.growth_forms import GrowthLaw
 from evergym.discrepancy.blind.plan import ROW_S, PlannedRun, Profile
 from evergym.model import Model
 
@@ -40,6 +41,8 @@ class BenchRange:
     pull_high_mm: float
     feed_mm_s: float
     load_n: float
+    law: GrowthLaw
+    """Growth as the lab expects it."""
     collapse_length_mm: float
     """Of a sheath that hangs by itself at the high pressure, by the textbook, with something in hand."""
 
@@ -65,6 +68,7 @@ def find_range(model: Model) -> BenchRange:
         pull_high_mm=lost + rigid + stretch,
         feed_mm_s=robot.feed_max_mm_s,
         load_n=tip_load,
+        law=GrowthLaw(model, ()),
         collapse_length_mm=math.sqrt(2.0 * 0.7 * collapse / weight) * 1e3,
     )
 
@@ -84,6 +88,12 @@ def _finish(profile: Profile, length_mm: float, setup: str = "full", side: int =
 def _pressure(generator: Generator, bench: BenchRange, low: float = 0.0, high: float = 1.0) -> float:
     share = generator.uniform(low, high)
     return round(bench.pressure_low_kpa + share * (bench.pressure_high_kpa - bench.pressure_low_kpa), 1)
+
+
+def _start_growth(generator: Generator, bench: BenchRange, pressure_kpa: float, feed_mm_s: float) -> float:
+    """Return a length [mm] from which the lab expects growth to show, short of where its model stalls."""
+    stall = min(bench.law.find_stall_length(pressure_kpa, feed_mm_s), bench.length_mm)
+    return max(stall * generator.uniform(0.15, 0.6), 6.0)
 
 
 def _side(generator: Generator) -> int:
@@ -142,8 +152,8 @@ def growth(generator: Generator, bench: BenchRange) -> PlannedRun:
     """Grow at one feed and one or two pressures; feed, rest, feed."""
     end = generator.uniform(10.0, 13.0)
     feed = bench.feed_mm_s * generator.uniform(0.4, 1.0)
-    start = bench.length_mm * generator.choice([0.1, 0.25, 0.45, 0.75])
-    pressure = _pressure(generator, bench, 0.35, 1.0)
+    pressure = _pressure(generator, bench, 0.5, 1.0)
+    start = _start_growth(generator, bench, pressure, feed)
     profile = Profile(end)
     profile.steps("tail_feed_mm_s", [0.0, 1.0, 0.6 * end, 0.7 * end], [0.0, feed, 0.0, feed])
     profile.commands[:, 0] = 0.2 * profile.commands[:, 1]
@@ -161,15 +171,17 @@ def growth_threshold(generator: Generator, bench: BenchRange) -> PlannedRun:
     top = _pressure(generator, bench, 0.5, 1.0)
     profile = Profile(end)
     profile.ramps("pressure_kpa", [0.0, 0.55 * end, end], [0.1 * bench.pressure_low_kpa, top, bench.pressure_low_kpa])
-    profile.hold("tail_feed_mm_s", bench.feed_mm_s * generator.uniform(0.5, 1.0))
+    feed = bench.feed_mm_s * generator.uniform(0.5, 1.0)
+    profile.hold("tail_feed_mm_s", feed)
     profile.commands[:, 0] = 0.1 * profile.commands[:, 1]
-    return _finish(profile, bench.length_mm * generator.choice([0.15, 0.35, 0.6]))
+    return _finish(profile, _start_growth(generator, bench, top, feed))
 
 
 def growth_bent(generator: Generator, bench: BenchRange) -> PlannedRun:
     """Grow with the tendon pulled, so that the tail runs through a bend, then the same straight."""
     end = generator.uniform(10.0, 12.0)
-    profile = Profile(end).hold("pressure_kpa", _pressure(generator, bench, 0.5, 1.0))
+    pressure = _pressure(generator, bench, 0.6, 1.0)
+    profile = Profile(end).hold("pressure_kpa", pressure)
     feed = bench.feed_mm_s * generator.uniform(0.5, 1.0)
     profile.steps("tail_feed_mm_s", [0.0, TAKE_UP_S, 0.95 * end], [0.0, feed, 0.0])
     profile.commands[:, 0] = 0.2 * profile.commands[:, 1]
@@ -177,7 +189,9 @@ def growth_bent(generator: Generator, bench: BenchRange) -> PlannedRun:
     low = 0.3 * bench.pull_start_mm
     knots = [0.0, 0.25, TAKE_UP_S, 0.6 * end, 0.75 * end, end]
     profile.ramps("tendon_pull_mm", knots, [low, low, pull, pull, low, low])
-    return _finish(profile, bench.length_mm * generator.uniform(0.4, 0.8))
+    # Long enough to bend, short enough to grow.
+    start = _start_growth(generator, bench, pressure, feed)
+    return _finish(profile, max(start, 0.35 * bench.length_mm))
 
 
 def roll_sweep(generator: Generator, bench: BenchRange) -> PlannedRun:
@@ -230,10 +244,11 @@ def retraction(generator: Generator, bench: BenchRange) -> PlannedRun:
     """Grow a little, then pull the tail back."""
     end = generator.uniform(8.0, 10.0)
     feed = bench.feed_mm_s * generator.uniform(0.5, 0.9)
-    profile = Profile(end).hold("pressure_kpa", _pressure(generator, bench, 0.3, 1.0))
+    pressure = _pressure(generator, bench, 0.5, 1.0)
+    profile = Profile(end).hold("pressure_kpa", pressure)
     profile.steps("tail_feed_mm_s", [0.0, 0.5, 0.4 * end, 0.5 * end], [0.0, feed, 0.0, -feed])
     profile.steps("insertion_mm_s", [0.0, 0.5 * end], [0.0, -0.6 * feed])
-    return _finish(profile, bench.length_mm * generator.choice([0.3, 0.6, 0.9]))
+    return _finish(profile, _start_growth(generator, bench, pressure, feed))
 
 
 def peg_sweep(generator: Generator, bench: BenchRange) -> PlannedRun:
