@@ -116,7 +116,8 @@ def _run_task(task: Task, folder: Path) -> FitResult:
     if path.exists():
         kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["digest"] == digest:
-            return FitResult(*(np.array(kept[key]) for key in ("values", "jacobian", "cost", "residuals")))
+            values, jacobian, residuals = (np.array(kept[key]) for key in ("values", "jacobian", "residuals"))
+            return FitResult(values, jacobian, float(kept["cost"]), residuals)
     result = fit(task.base, task.free, task.selections, evaluations_max=task.evaluations_max)
     content = {
         "digest": digest,

@@ -59,9 +59,9 @@ def select(experiments: Sequence[str], *, without: str = "") -> list[Selection]:
     chosen = []
     for name in experiments:
         points = load_experiment(name).points
-        rows = range(len(points))
         if name == without:
             continue
+        rows = list(range(len(points)))
         if "curve" in points:
             rows = [row for row in rows if points.curve.iloc[row] != without]
         chosen.append(Selection(name, tuple(rows)))
@@ -130,7 +130,7 @@ def fit(
         evaluate,
         np.clip((first - low) / span, 1e-3, 1.0 - 1e-3),
         bounds=(0.0, 1.0),
-        diff_step=DIFFERENCE_STEP,
+        diff_step=np.full(len(free), DIFFERENCE_STEP),
         loss="soft_l1",
         f_scale=ROBUST_SCALE,
         max_nfev=evaluations_max,

@@ -29,10 +29,13 @@ def simulate_tip_load(model: Model, name: str) -> NDArray[np.float64]:
     system = mount(model, "full", direction)
     pull = float(points.tendon_pull.iloc[0])
     angles = np.empty(len(points))
-    for pressure, rows in points.groupby("pressure", sort=False):
-        bend(system, pressure=float(pressure), tendon_pull=pull)
-        for row, load in rows.load.sort_values().items():
-            angles[row] = read_angle(hang(system, load * DOWN[direction], pressure=float(pressure), tendon_pull=pull))
+    pressures, loads = points.pressure.to_numpy(dtype=float), points.load.to_numpy(dtype=float)
+    for pressure in np.unique(pressures).tolist():
+        bend(system, pressure=pressure, tendon_pull=pull)
+        rows = np.flatnonzero(pressures == pressure)
+        for row in rows[np.argsort(loads[rows])].tolist():
+            reading = hang(system, loads[row] * DOWN[direction], pressure=pressure, tendon_pull=pull)
+            angles[row] = read_angle(reading)
     return (angles - find_pre_curvature_angle(model)) / READING_LENGTH
 
 
