@@ -25,7 +25,7 @@ from evergym.discrepancy.findings import describe_effects, list_candidates
 from evergym.discrepancy.gap import measure_gap
 from evergym.discrepancy.hold_out import choose_held_out
 from evergym.discrepancy.hook import UserEffect, load_user_effects
-from evergym.discrepancy.locate import Cell, locate
+from evergym.discrepancy.locate import Cell, locate, select_significant
 from evergym.discrepancy.next_experiment import NextExperiment, choose_next
 from evergym.discrepancy.noise import NoiseModel, estimate_noise
 from evergym.discrepancy.numerics_check import choose_fidelities
@@ -135,6 +135,10 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         return map_disagreement(dataset, measurement, score, split)
 
     cells = draw_map(base)
+    focus = select_significant(dataset, measurement, cells)
+    if focus.any():
+        split = dataclasses.replace(split, focus=focus)
+        base = score_fit(predictor, calibration.fit, split)
 
     tell("screening", 0.25)
     candidates = find_candidates(model, predictor.user_effects)

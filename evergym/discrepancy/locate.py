@@ -14,7 +14,7 @@ from evergym.discrepancy.dataset import Dataset
 from evergym.discrepancy.regimes import label_regimes
 from evergym.discrepancy.residual import Measurement
 
-__all__ = ["Cell", "locate"]
+__all__ = ["SIGNIFICANCE", "Cell", "locate", "select_significant"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,6 +80,16 @@ def locate(
             cells.append(Cell(CHANNELS[channel], regime, names, count, rms, excess, p_value))
     cells = _correct(cells)
     return sorted(cells, key=lambda cell: (cell.p_value > SIGNIFICANCE, -cell.excess))
+
+
+def select_significant(dataset: Dataset, measurement: Measurement, cells: Sequence[Cell]) -> Mask:
+    """Return the samples in significant cells, (n,)."""
+    labels = label_regimes(dataset.runs)
+    mask = np.zeros(measurement.size, dtype=bool)
+    for cell in cells:
+        if cell.p_value <= SIGNIFICANCE:
+            mask |= _select(measurement, labels, CHANNELS.index(cell.channel), cell.regime)
+    return mask
 
 
 def _select(measurement: Measurement, labels: Sequence[dict[str, Mask]], channel: int, regime: str) -> Mask:

@@ -41,11 +41,14 @@ class Split:
         use: Samples that choose and fit, (n,).
         folds: Experiments among them, left out in turn.
         held_out: Experiments that only judge.
+        focus: Samples where the recalibrated model is significantly off: the share that an effect explains is counted
+            there, since a short transient would drown in all the samples that are as they should be; (n,). None: all.
     """
 
     use: Mask
     folds: tuple[int, ...]
     held_out: tuple[int, ...]
+    focus: Mask | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Score:
         effects: The candidates in it; none for the recalibrated model.
         fit: Their fit, nominal parameters included.
         validation: Leave-one-experiment-out.
-        excess: Mean square of the left-out residuals [sigma^2], less the noise; not negative.
+        excess: Mean square of the left-out residuals in the focus [sigma^2], less the noise; not negative.
         signature: Of the last effect; None for the recalibrated model.
     """
 
@@ -104,7 +107,8 @@ def score_fit(
         ceiling = CEILING * base.validation.chi2 + counts
     exact = simulate if base is not None else None
     validation = cross_validate(fit, experiment, split.folds, split.use, nominals, exact, ceiling)
-    scaled = predictor.measurement.scale(validation.residual)[split.use]
+    counted = split.use if split.focus is None else split.use & split.focus
+    scaled = predictor.measurement.scale(validation.residual)[counted]
     excess = max(float(np.mean(scaled**2)) - 1.0, 0.0)
     return Score(effects, fit, validation, excess, signature)
 
