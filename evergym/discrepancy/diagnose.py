@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import math
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -48,6 +49,9 @@ Array = NDArray[np.float64]
 Stage = Callable[[str, float], None]
 """Told what is being done, and the share of the whole that is done."""
 
+STAGE_SHARES = (0.01, 0.04, 0.25, 0.5, 0.85, 0.92, 1.0)
+"""Shares of the whole at which stages begin."""
+SIMULATIONS_PER_STAGE = 600.0
 NEXT_FILE = "next.csv"
 
 
@@ -107,12 +111,12 @@ def run_stages(
     if not dataset.channels:
         raise ConfigError(f"{dataset.path}: no sample has a measurement. Fill at least one measured column.")
     thresholds = Thresholds() if thresholds is None else thresholds
-    tell: Stage = on_stage if on_stage is not None else _ignore
+    tell = _Progress(on_stage)
     tell("noise", 0.0)
     noise = estimate_noise(dataset)
     measurement = Measurement(dataset, noise)
     users = {effect.name: effect for effect in user_effects}
-    predictor = Predictor(dataset, measurement, users, jobs=jobs or os.cpu_count() or 1)
+    predictor = Predictor(dataset, measurement, users, jobs=jobs or os.cpu_count() or 1, on_simulation=tell.count)
     try:
         return _run_stages(predictor, noise, apply_robot(model, dataset), thresholds, tell)
     finally:
@@ -238,5 +242,26 @@ def plan_next(
     return choose_next(predictor, noise, profiles, best.fit, fits, why)
 
 
-def _ignore(what: str, share: float) -> None:
-    pass
+class _Progress:
+    """Tells the stages, and between them how the simulations advance: how many a stage takes is not known before."""
+
+    def __init__(self, on_stage: Stage | None) -> None:
+        self._on_stage = on_stage
+        self._what, self._share, self._left = "", 0.0, 0.0
+        self._before = self._now = 0
+
+    def __call__(self, what: str, share: float) -> None:
+        """Begin a stage."""
+        later = [end for end in STAGE_SHARES if end > share]
+        self._what, self._share, self._left = what, share, (later[0] - share if later else 0.0)
+        self._before = self._now
+        self._tell(share)
+
+    def count(self, simulations: int) -> None:
+        """Take note of a simulation."""
+        self._now = simulations
+        self._tell(self._share + self._left * (1.0 - math.exp((self._before - simulations) / SIMULATIONS_PER_STAGE)))
+
+    def _tell(self, share: float) -> None:
+        if self._on_stage is not None:
+            self._on_stage(self._what, share)
