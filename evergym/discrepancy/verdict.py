@@ -37,6 +37,8 @@ class Thresholds:
         gain_min: Half the chi-squares that left-out experiments must gain.
         cell_min: Excess [sigma rms] of a significant cell below which a disagreement is not worth a name.
         rest_cell_min: Excess of a cell after the effect is in, above which something else is still missing.
+        strange_cell_min: Excess of a cell after the effect is in, above which and
+        strange_share: share of the worst cell's excess before, above which the effect only resembles what is missing.
         tie_factor: Candidates whose excess is within this factor of the best one's are tied with it.
         tie_offset: The same, as an absolute excess [sigma^2].
         further_gain_min: Half the chi-squares that left-out experiments must gain from a further effect.
@@ -51,6 +53,8 @@ class Thresholds:
     gain_min: float = 12.0
     cell_min: float = 1.5
     rest_cell_min: float = 1.5
+    strange_cell_min: float = 5.0
+    strange_share: float = 0.25
     tie_factor: float = 1.25
     tie_offset: float = 0.02
     further_gain_min: float = 24.0
@@ -135,19 +139,23 @@ def decide(
     gain = 0.5 * (base.validation.total - best.validation.total)
     if gain < thresholds.gain_min or explained_share(base, best) < thresholds.share_min:
         return Verdict.UNKNOWN_EFFECT
-    if worst_cell(cells_after) >= thresholds.rest_cell_min:
+    rest = worst_cell(cells_after)
+    if rest >= thresholds.strange_cell_min and rest > thresholds.strange_share * worst_cell(cells_before):
+        return Verdict.UNKNOWN_EFFECT  # near, but of another kind: so much does no other form of a law leave over
+    if rest >= thresholds.rest_cell_min:
         return Verdict.EFFECT_AND_UNKNOWN_REST
     return Verdict.EFFECT
 
 
 def estimate_confidence(share: float, best: Score, rivals: Sequence[Score]) -> float:
-    """Return the probability that the name is right, from the explained share and the lead over the rivals.
+    """Return how sure the name is, from the explained share, the lead over the rivals, and what remains.
 
-    The weights were fitted to development cases (see docs); a posterior from likelihoods would say 1 nearly always.
+    The weights are priors that order development cases rightly; a posterior from likelihoods would say 1 nearly always.
     """
     lead = min(
         (np.log((rival.excess + 0.02) / (best.excess + 0.02)) for rival in rivals if rival.effects != best.effects),
         default=3.0,
     )
-    logit = -1.0 + 8.0 * (share - 0.7) + 1.5 * min(max(float(lead), -1.0), 3.0)
+    shrunk = 1.0 - float(np.sqrt(max(1.0 - share, 0.0)))
+    logit = -1.0 + 8.0 * (shrunk - 0.7) + 1.5 * min(max(float(lead), -1.0), 3.0) - 1.5 * float(np.log1p(best.excess))
     return float(1.0 / (1.0 + np.exp(-logit)))
