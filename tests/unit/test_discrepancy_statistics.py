@@ -7,18 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evergym.discrepancy.candidates import Candidate, make_candidate
 from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.cross_validate import cross_validate
+from evergym.discrepancy.cross_validate import CrossValidation, cross_validate
 from evergym.discrepancy.dataset import Dataset, Run
 from evergym.discrepancy.fit import Fit, solve_normal
 from evergym.discrepancy.gap import Gap
 from evergym.discrepancy.hold_out import choose_held_out
-from evergym.discrepancy.locate import SIGNIFICANCE, locate
+from evergym.discrepancy.locate import SIGNIFICANCE, Cell, locate
 from evergym.discrepancy.noise import ChannelNoise, estimate_noise, find_repeats, whitening_matrix
 from evergym.discrepancy.regimes import REGIMES, label_regimes
 from evergym.discrepancy.residual import Measurement
+from evergym.discrepancy.select import Score
 from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.space import Axis, Space
+from evergym.discrepancy.verdict import Thresholds, Verdict, decide
 from evergym.model import Model
 
 TIME = 0.2 * np.arange(60)
@@ -204,3 +207,35 @@ def test_gap_ratio_compares_what_is_beyond_the_noise() -> None:
     assert Gap((), 5.0, np.sqrt(10.0), np.sqrt(2.0), {}).ratio == pytest.approx(1.0 / 3.0)
     assert Gap((), 5.0, 3.0, 0.9, {}).ratio == 0.0
     assert Gap((), 1.0, 1.0, 1.0, {}).ratio == 1.0
+
+
+def make_cell(excess: float, p_value: float = 1e-9) -> Cell:
+    return Cell("tip_x_mm", "long", (), 10, excess, excess, p_value)
+
+
+def make_score(excess: float, total: float, effects: tuple[Candidate, ...] = ()) -> Score:
+    validation = CrossValidation(np.zeros(0), np.array([total]), np.zeros((1, 0)))
+    return Score(effects, make_linear_fit(np.zeros((1, 1)), np.zeros(1), (1.0,)), validation, excess)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "rest", "expected"),
+    [
+        (0.5, 0.0, 0.5, Verdict.NO_EFFECT),  # nothing is off by an amount that matters
+        (20.0, 0.1, 0.4, Verdict.EFFECT),
+        (20.0, 0.5, 2.0, Verdict.EFFECT_AND_UNKNOWN_REST),
+        (20.0, 5.0, 6.5, Verdict.UNKNOWN_EFFECT),  # it resembles what is missing, and leaves a third of it
+        (20.0, 60.0, 12.0, Verdict.UNKNOWN_EFFECT),  # less than 0.7 explained
+    ],
+)
+def test_verdict_follows_from_what_is_explained_and_what_remains(
+    before: float, after: float, rest: float, expected: Verdict
+) -> None:
+    base, best = make_score(100.0, 1e5), make_score(after, 1e3, (make_candidate("pressure_leak"),))
+    verdict = decide(base, best, [make_cell(before)], [make_cell(rest)], ["pressure_leak"], Thresholds())
+    assert verdict is expected
+
+
+def test_silent_runs_are_insufficient_and_not_a_clean_bill() -> None:
+    base = make_score(0.0, 100.0)
+    assert decide(base, base, [make_cell(0.2, 1.0)], [], [], Thresholds()) is Verdict.INSUFFICIENT_DATA
