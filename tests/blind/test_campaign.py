@@ -167,20 +167,13 @@ def test_a_process_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
     assert "Stopped after 1 s" in ended.message
 
 
-@pytest.mark.slow
 def test_a_small_campaign_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two cases through the public interface: bad data, and one hidden effect."""
-    seed = find_seed(Kind.FAULT, Kind.SINGLE)
-    assert Blind(cases=2, seed=seed, out=tmp_path / "blind", json=True).run() == 0
+    """Two cases of bad data through the command line; `test_small_cases` diagnoses good ones, which take minutes here."""
+    seed = find_seed(Kind.FAULT, Kind.FAULT)
+    assert Blind(cases=2, seed=seed, out=tmp_path / "blind", json=True, baselines=False).run() == 0
     content: dict[str, Any] = json.loads(capsys.readouterr().out)
-    fault, single = content["list"]
-    assert fault["refused"] is True
-    assert single["message"] == ""
-    assert single["verdict"] != "failed"
-    assert single["detectable"] is True
+    assert [case["refused"] for case in content["list"]] == [True, True]
     assert content["failed"]["count"] == 0
-    assert set(content["baselines"]) >= {"recalibrate_only", "random_name"}
-    assert content["baselines"]["recalibrate_only"]["gap_ratio_median"] == 1.0
     before = (tmp_path / "blind" / "results" / "case-0001" / "outcome.json").stat().st_mtime_ns
-    assert Blind(cases=2, seed=seed, out=tmp_path / "blind").run() == 0
+    assert Blind(cases=2, seed=seed, out=tmp_path / "blind", baselines=False).run() == 0
     assert (tmp_path / "blind" / "results" / "case-0001" / "outcome.json").stat().st_mtime_ns == before

@@ -1,5 +1,5 @@
 """Estimate the robot's parameters from the paper's figures: what is free, how it is fitted, what is left out."""
 
-from evergym.experiments.identification.command import Identify
+from __future__ import annotations
 
-__all__ = ["Identify"]
+__all__: list[str] = []
