@@ -168,7 +168,7 @@ def test_a_process_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
 
 
 def test_a_small_campaign_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two cases of bad data through the command line; `test_small_cases` diagnoses good ones, which take minutes here."""
+    """Two cases of bad data through the command line; `test_small_cases` diagnoses good ones."""
     seed = find_seed(Kind.FAULT, Kind.FAULT)
     assert Blind(cases=2, seed=seed, out=tmp_path / "blind", json=True, baselines=False).run() == 0
     content: dict[str, Any] = json.loads(capsys.readouterr().out)
