@@ -47,6 +47,8 @@ def compute_energies(simulator: Simulator) -> Energies:
     n = int(state.links[0])
     ws = create_workspace(state.length.shape[0])
     update_covers(parameters, state, ws)
+    # The play at the base lies about the catheter's own bend, whose direction goes with the roll.
+    ws.previous_roll[:] = state.roll
     # Dashpots have no energy in a step of infinite length.
     springs, path = add_springs(parameters, state, ws, state.bend, state.roll, math.inf)
     tendon = 0.0

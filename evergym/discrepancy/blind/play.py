@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,9 +11,10 @@ from evergym.discrepancy.blind.alteration import Alteration
 from evergym.discrepancy.blind.plan import PlannedRun
 from evergym.discrepancy.channels import read_channels
 from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.playback import make_command
 from evergym.model import Model, Numerics
 from evergym.simulator import Command, Simulator
-from evergym.units import DEG, KPA, MM
+from evergym.units import MM
 from evergym.world import World
 
 __all__ = ["PAUSE_S", "play_campaign"]
@@ -51,7 +51,7 @@ def play_campaign(
 
 def _play(model: Model, plan: PlannedRun, numerics: Numerics, alterations: Sequence[Alteration], clock: float) -> Array:
     simulator = Simulator(model, _make_world(plan), numerics, plan.setup)
-    first = _make_command(plan.commands[0])
+    first = make_command(plan.commands[0])
     for alteration in alterations:
         alteration.begin(plan, first, clock)
     rest = Command(0.0, 0.0, first.roll, first.tendon_pull, first.pressure)
@@ -77,7 +77,7 @@ def _play(model: Model, plan: PlannedRun, numerics: Numerics, alterations: Seque
     for i, time in enumerate(times):
         if i > 0:
             start = times[i - 1]
-            command = _make_command(plan.commands[i - 1])
+            command = make_command(plan.commands[i - 1])
             count = max(round((time - start) / numerics.step_s), 1)
             dt = (time - start) / count
             for part in range(count):
@@ -93,18 +93,6 @@ def _advance(simulator: Simulator, command: Command, time: float, dt: float, alt
     for alteration in alterations:
         command = alteration.alter_command(time, dt, command, simulator)
     simulator.advance(command, dt)
-
-
-def _make_command(row: Array) -> Command:
-    insertion, tail, roll, pull, pressure, *load = row.tolist()
-    return Command(
-        insertion_velocity=insertion * MM,
-        tail_feed_velocity=None if math.isnan(tail) else tail * MM,
-        roll=roll * DEG,
-        tendon_pull=pull * MM,
-        pressure=pressure * KPA,
-        tip_load=(load[0], load[1], load[2]),
-    )
 
 
 def _make_world(plan: PlannedRun) -> World:

@@ -11,10 +11,19 @@ import joblib
 import numpy as np
 from numpy.typing import NDArray
 
+from evergym import stepper
 from evergym.cache import compute_source_digest
 from evergym.experiments.identification.fit import FitResult, fit
-from evergym.experiments.identification.free import BENDING, GROWTH_LAWS, clear_growth_law, set_values
-from evergym.experiments.identification.plan import Task, plan_alternatives, plan_first, plan_left_out
+from evergym.experiments.identification.free import GROWTH_LAWS, LAW_COEFFICIENTS, clear_growth_law, set_values
+from evergym.experiments.identification.plan import (
+    ARMS_MM,
+    GROWTH_CURVES,
+    LEFT_OUT_FIGURES,
+    Task,
+    plan_alternatives,
+    plan_first,
+    plan_left_out,
+)
 from evergym.model import Model
 
 __all__ = ["Identification", "identify"]
@@ -29,11 +38,13 @@ class Identification(NamedTuple):
         base: The model that it started from.
         law: The growth law with the lowest cost.
         fits: By name, see `evergym.experiments.identification.plan`.
+        paths: What was free in each of them.
     """
 
     base: Model
     law: str
     fits: dict[str, FitResult]
+    paths: dict[str, list[str]]
 
     @property
     def fitted(self) -> Model:
@@ -49,20 +60,9 @@ class Identification(NamedTuple):
         """Return the base model with the values of some fits."""
         model = self.base
         for name in names:
-            values = self.fits[name].values
-            if name.startswith("growth_"):
+            if any(path in LAW_COEFFICIENTS for path in self.paths[name]):
                 model = clear_growth_law(model)
-                free = GROWTH_LAWS[name.removeprefix("growth_")]
-            elif name.startswith("without_fig8"):
-                model = clear_growth_law(model)
-                free = GROWTH_LAWS[self.law]
-            elif name == "components":
-                free = BENDING[:3] + BENDING[5:]
-            elif name == "predicted":
-                free = BENDING[3:4]
-            else:
-                free = BENDING
-            model = set_values(model, [parameter.path for parameter in free], values.tolist())
+            model = set_values(model, self.paths[name], self.fits[name].values.tolist())
         return model
 
 
@@ -85,9 +85,9 @@ def identify(
     """
     folder.mkdir(parents=True, exist_ok=True)
     first = plan_first(base, evaluations_max)
-    # What comes later is known by number only once the first fits are done.
-    total = len(first) + 16 + 3
+    total = len(first) + len(ARMS_MM) + 1 + len(LEFT_OUT_FIGURES) + len(GROWTH_CURVES)
     fits: dict[str, FitResult] = {}
+    paths: dict[str, list[str]] = {}
 
     def run(tasks: Sequence[Task]) -> None:
         stream = joblib.Parallel(n_jobs=workers, return_as="generator")(
@@ -95,12 +95,13 @@ def identify(
         )
         for task, result in zip(tasks, stream, strict=True):
             fits[task.name] = result
+            paths[task.name] = [parameter.path for parameter in task.free]
             if on_progress is not None:
                 on_progress(len(fits), total)
 
     run(first)
     law = min(GROWTH_LAWS, key=lambda name: fits[f"growth_{name}"].cost)
-    found = Identification(base, law, fits)
+    found = Identification(base, law, fits, paths)
     statics = fits["statics"].values.tolist()
     run(plan_alternatives(base, statics, found.combine("components"), evaluations_max))
     run(plan_left_out(base, law, evaluations_max))
@@ -109,10 +110,8 @@ def identify(
 
 def _run_task(task: Task, folder: Path) -> FitResult:
     """Return the result of a fit, from its file if that was made from the same input by the same physics."""
-    import evergym.stepper
-
     path = folder / f"{task.name}.json"
-    digest = f"{task.compute_digest()}-{compute_source_digest(Path(evergym.stepper.__file__))[:16]}"
+    digest = f"{task.compute_digest()}-{compute_source_digest(Path(stepper.__file__))[:16]}"
     if path.exists():
         kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["digest"] == digest:

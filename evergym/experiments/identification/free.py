@@ -8,7 +8,15 @@ from typing import Any, NamedTuple
 from evergym.experiments.parameter_sets import override
 from evergym.model import Model
 
-__all__ = ["BENDING", "GROWTH_LAWS", "FreeParameter", "set_values"]
+__all__ = [
+    "BENDING",
+    "GROWTH_LAWS",
+    "LAW_COEFFICIENTS",
+    "FreeParameter",
+    "clear_growth_law",
+    "make_tables",
+    "set_values",
+]
 
 
 class FreeParameter(NamedTuple):
@@ -79,6 +87,7 @@ LAW_COEFFICIENTS = (
     "effects.tail_coulomb_friction.pressure_gradient_per_mm",
     "effects.tail_coulomb_friction.gradient_kpa_per_mm",
 )
+"""Of the three laws of the tail's friction, of which a model has one."""
 
 
 def clear_growth_law(model: Model) -> Model:

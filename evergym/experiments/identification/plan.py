@@ -13,7 +13,18 @@ from evergym.experiments.identification.free import BENDING, GROWTH_LAWS, FreePa
 from evergym.experiments.paper import load_experiment
 from evergym.model import Model
 
-__all__ = ["BENDING_FIGURES", "COMPONENT", "GROWTH_CURVES", "Task", "plan_alternatives", "plan_first", "plan_left_out"]
+__all__ = [
+    "ARMS_MM",
+    "BENDING_FIGURES",
+    "COMPONENT",
+    "GROWTH_CURVES",
+    "GROWTH_FIGURES",
+    "LEFT_OUT_FIGURES",
+    "Task",
+    "plan_alternatives",
+    "plan_first",
+    "plan_left_out",
+]
 
 BENDING_FIGURES = ("fig6_toward", "fig6_opposite", "fig7", "fig9", "fig10", "fig11a", "fig11b", "fig11c", "fig11d")
 GROWTH_FIGURES = ("fig8a", "fig8b", "fig8c")

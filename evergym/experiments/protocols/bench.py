@@ -58,7 +58,7 @@ _REST_TIME = 3.0
 
 GRAVITY = 9.81
 TENDON_SLACK_COMPLIANCE_MM_PER_N = 100.0
-"""So soft (1 cm per 0.1 N) that a tendon of it counts as removed or slack."""
+"""So soft (1 cm per 0.1 N) that a tendon of it counts as removed."""
 
 
 def mount(model: Model, setup: str, load_direction: str) -> Simulator:
