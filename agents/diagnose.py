@@ -52,7 +52,8 @@ class Diagnose:
         if self.json:
             print((out / "diagnosis.json").read_text(encoding="utf-8"), end="")
             return 0
-        for sentence in (describe_verdict(diagnosis), describe_where(diagnosis), describe_gap(diagnosis)):
+        sentences = (describe_verdict(diagnosis), describe_where(diagnosis), describe_gap(diagnosis), *diagnosis.remarks)
+        for sentence in sentences:
             print(sentence)
         for effect in diagnosis.effects:
             for interval in diagnosis.parameters[effect.name]:

@@ -73,26 +73,28 @@ def align_dataset(model: Model, dataset: Dataset) -> tuple[Dataset, tuple[str, .
 
 def find_alignment(model: Model, dataset: Dataset, run: Run) -> Alignment:
     """Return how a run is to be read, by what ``model`` predicts each way."""
-    options = []
-    if np.isfinite(run.measured[:2]).all(axis=0).any() and np.any(run.commands[0, SET_POINTS] != 0.0):
-        options.append(Alignment.FROM_ZERO)
-    if is_table(run):
-        options.append(Alignment.SAME_ROW)
-    if not options:
-        return Alignment.AS_WRITTEN
     sigma = np.array([dataset.noise.get(name, np.nan) for name in CHANNELS])
-    residual = {option: _compute_residual(model, run, option, sigma) for option in (Alignment.AS_WRITTEN, *options)}
-    if Alignment.SAME_ROW in residual:
-        # The absolute value, so that one point that the model misses does not decide.
-        size = {option: float(np.nanmean(np.abs(residual[option]))) for option in residual}
-        other = size[Alignment.AS_WRITTEN]
-        if size[Alignment.SAME_ROW] < min(SHIFT_SHARE * other, other - SHIFT_SIGMAS):
-            return Alignment.SAME_ROW
-    if Alignment.FROM_ZERO in residual:
-        start = {option: float(np.sqrt(np.nanmean(residual[option][0] ** 2))) for option in residual}
-        other = start[Alignment.AS_WRITTEN]
-        if start[Alignment.FROM_ZERO] < min(START_SHARE * other, other - START_SIGMAS):
-            return Alignment.FROM_ZERO
+    starts = len(run.time_s) > 1 and bool(np.isfinite(run.measured[:2]).all(axis=0).any())
+    starts = starts and bool(np.any(run.commands[0, SET_POINTS] != 0.0))
+    table = is_table(run)
+    if not starts and not table:
+        return Alignment.AS_WRITTEN
+    written = _compute_residual(model, run, Alignment.AS_WRITTEN, sigma)
+    if table:
+        other = _compute_residual(model, run, Alignment.SAME_ROW, sigma)
+        both = np.isfinite(written) & np.isfinite(other)  # a robot that the model cannot play is not compared
+        if both.any():
+            # The absolute value, so that one point that the model misses does not decide.
+            as_written, shifted = (float(np.mean(np.abs(residual[both]))) for residual in (written, other))
+            if shifted < min(SHIFT_SHARE * as_written, as_written - SHIFT_SIGMAS):
+                return Alignment.SAME_ROW
+    if starts:
+        other = _compute_residual(model, run, Alignment.FROM_ZERO, sigma)
+        both = np.isfinite(written[0]) & np.isfinite(other[0])
+        if both.any():
+            as_written, shifted = (float(np.sqrt(np.mean(residual[0][both] ** 2))) for residual in (written, other))
+            if shifted < min(START_SHARE * as_written, as_written - START_SIGMAS):
+                return Alignment.FROM_ZERO
     return Alignment.AS_WRITTEN
 
 

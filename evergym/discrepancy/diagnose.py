@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from evergym.discrepancy.alignment import align_dataset
 from evergym.discrepancy.calibrate import calibrate, find_sensitivity, refine
 from evergym.discrepancy.candidates import find_candidates
 from evergym.discrepancy.choose import choose_effects
@@ -113,14 +114,17 @@ def run_stages(
     thresholds = Thresholds() if thresholds is None else thresholds
     tell = _Progress(on_stage)
     tell("noise", 0.0)
+    model = apply_robot(model, dataset)
+    dataset, remarks = align_dataset(model, dataset)
     noise = estimate_noise(dataset)
     measurement = Measurement(dataset, noise)
     users = {effect.name: effect for effect in user_effects}
     predictor = Predictor(dataset, measurement, users, jobs=jobs or os.cpu_count() or 1, on_simulation=tell.count)
     try:
-        return _run_stages(predictor, noise, apply_robot(model, dataset), thresholds, tell)
+        evidence = _run_stages(predictor, noise, model, thresholds, tell)
     finally:
         predictor.close()
+    return dataclasses.replace(evidence, diagnosis=dataclasses.replace(evidence.diagnosis, remarks=remarks))
 
 
 def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, thresholds: Thresholds, tell: Stage) -> Evidence:

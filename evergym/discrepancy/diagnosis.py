@@ -63,6 +63,7 @@ class Diagnosis:
         simulations: Runs simulated.
         seconds: It took.
         model: The corrected model.
+        remarks: Runs that were read otherwise than the format says, and why.
     """
 
     verdict: Verdict
@@ -80,6 +81,7 @@ class Diagnosis:
     simulations: int
     seconds: float
     model: Model
+    remarks: tuple[str, ...] = ()
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the content of ``diagnosis.json``."""
@@ -127,6 +129,7 @@ class Diagnosis:
             ],
             "numerics_error_sigma": _round(self.numerics_error),
             "rows_set_aside": [{"row": row, "why": why} for row, why in self.rows_set_aside],
+            "remarks": list(self.remarks),
             "simulations": self.simulations,
             "seconds": round(self.seconds, 1),
         }

@@ -57,6 +57,7 @@ def _collect(evidence: Evidence) -> dict[str, object]:
         "next_commands": encode(draw_commands(upcoming.profile.run)) if upcoming else None,
         "next_why": f"{upcoming.profile.title.capitalize()}: {upcoming.why}." if upcoming else "",
         "rows_set_aside": diagnosis.rows_set_aside,
+        "remarks": diagnosis.remarks,
         "simulations": diagnosis.simulations,
         "seconds": diagnosis.seconds,
     }
