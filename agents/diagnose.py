@@ -52,7 +52,12 @@ class Diagnose:
         if self.json:
             print((out / "diagnosis.json").read_text(encoding="utf-8"), end="")
             return 0
-        sentences = (describe_verdict(diagnosis), describe_where(diagnosis), describe_gap(diagnosis), *diagnosis.remarks)
+        sentences = (
+            describe_verdict(diagnosis),
+            describe_where(diagnosis),
+            describe_gap(diagnosis),
+            *diagnosis.remarks,
+        )
         for sentence in sentences:
             print(sentence)
         for effect in diagnosis.effects:
