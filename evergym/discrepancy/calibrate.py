@@ -111,6 +111,7 @@ def find_sensitivity(predictor: Predictor, setting: Setting) -> Sensitivity:
     # A threshold that the nominal robot just does not reach shows only from farther away.
     doubtful = [i for i in range(space.size) if not loud[i]]
     for step in (FAR_STEP, -FAR_STEP):
+        doubtful = [place for place in doubtful if not _is_loud(jacobian[:, [place]])[0]]
         far = replace(space, axes=tuple(replace(axis, step=step) for axis in space.axes))
         columns = compute_jacobian(predictor, far, start, doubtful, mark_inert=False)
         for place, column in zip(doubtful, columns.T, strict=True):

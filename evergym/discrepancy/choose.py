@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from evergym.discrepancy.candidates import Candidate
 from evergym.discrepancy.locate import Cell
 from evergym.discrepancy.predict import Predictor
-from evergym.discrepancy.screen import Signature, screen_candidates
+from evergym.discrepancy.screen import Screening, Signature, rank_candidates
 from evergym.discrepancy.select import Score, Split, fit_candidates
 from evergym.discrepancy.verdict import Thresholds, worst_cell
 
@@ -30,7 +29,7 @@ def choose_effects(
     predictor: Predictor,
     base: Score,
     signatures: Sequence[Signature],
-    candidates: Sequence[Candidate],
+    screenings: Sequence[Screening],
     split: Split,
     thresholds: Thresholds,
     draw_map: Mapper,
@@ -44,8 +43,8 @@ def choose_effects(
         if worst_cell(draw_map(best)) < thresholds.rest_cell_min:
             break
         names = {effect.name for effect in best.effects}
-        others = [candidate for candidate in candidates if candidate.name not in names]
-        further = screen_candidates(predictor, best.fit, others, split.use)
+        others = [screening for screening in screenings if screening.candidate.name not in names]
+        further = rank_candidates(best.fit, others, split.use)
         pairs = _fit_promising(predictor, best, further, split, FURTHER_MAX)
         if not pairs or not earns_its_place(best, pairs[0], thresholds):
             break

@@ -36,7 +36,7 @@ from evergym.discrepancy.profiles import list_profiles, to_columns
 from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.rig import apply_robot
-from evergym.discrepancy.screen import group_equivalent, screen_candidates
+from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
 from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.verdict import Thresholds, Verdict, decide, is_excited, worst_cell
@@ -150,7 +150,8 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
 
     tell("screening", 0.25)
     candidates = find_candidates(model, predictor.user_effects)
-    signatures = screen_candidates(predictor, calibration.fit, candidates, split.use)
+    screenings = screen_candidates(predictor, calibration.fit, candidates)
+    signatures = rank_candidates(calibration.fit, screenings, split.use)
     classes = group_equivalent(signatures, split.use)
     excited = is_excited(signatures, thresholds)
 
@@ -158,7 +159,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     chosen: Score = base
     rivals: list[Score] = []
     if worst_cell(cells) >= thresholds.cell_min:
-        chosen, rivals = choose_effects(predictor, base, signatures, candidates, split, thresholds, draw_map)
+        chosen, rivals = choose_effects(predictor, base, signatures, screenings, split, thresholds, draw_map)
     cells_after = draw_map(chosen)
     verdict = decide(base, chosen, cells, cells_after, excited, thresholds)
     if verdict not in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):

@@ -13,7 +13,16 @@ from evergym.discrepancy.fit import Fit, solve_normal
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.space import Space
 
-__all__ = ["Projector", "Signature", "group_equivalent", "screen_candidates", "search_strength", "simulate_changes"]
+__all__ = [
+    "Projector",
+    "Screening",
+    "Signature",
+    "group_equivalent",
+    "rank_candidates",
+    "screen_candidates",
+    "search_strengths",
+    "simulate_changes",
+]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -22,6 +31,10 @@ STRETCH = (0.2, 4.0)
 """A signature taken at one strength stands for strengths between these multiples of it."""
 SEARCH = ((0.4, 1.0, 2.5), (0.65, 1.5))
 """Multiples of the strength that are tried before a fit, round by round."""
+HOPELESS = 0.15
+"""A strength whose gain stays below this share of the best candidate's is not searched any further."""
+LOUD = 1e-3
+"""Norm [sigma] of a change that is one."""
 COSINE_MIN = 0.95
 """Signatures closer than this are one class: these runs cannot tell them apart."""
 
@@ -45,6 +58,19 @@ class Signature:
     size: float
     kept: float
     gain: float
+
+
+@dataclass(frozen=True)
+class Screening:
+    """What every candidate changes in the recalibrated model.
+
+    Attributes:
+        candidate: The effect.
+        columns: Whitened change at each of its starts that changes anything, with the start.
+    """
+
+    candidate: Candidate
+    columns: tuple[tuple[tuple[float, ...], Array], ...]
 
 
 @dataclass(frozen=True)
@@ -107,25 +133,43 @@ class Projector:
         return 0.5 * float(rest @ rest + self.precision @ (z + step) ** 2)
 
 
-def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Candidate], use: Mask) -> list[Signature]:
-    """Return the best signature of every candidate that changes anything, the most promising first.
+def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Candidate]) -> list[Screening]:
+    """Simulate every candidate at each of its starts, in the recalibrated model.
 
     Args:
         predictor: Simulations.
         base: The recalibrated model.
         candidates: Effects that may be missing.
-        use: Samples that may be looked at, (n,).
     """
-    projector = Projector(base, use)
-    size = base.space.size
-    signatures = []
+    screenings = []
     for candidate in candidates:
         space = base.space.extend(candidate.axes, candidate.fixed)
-        best: Signature | None = None
         columns = simulate_changes(predictor, base, space, candidate, candidate.starts, screening=True)
-        for start, column in zip(candidate.starts, columns, strict=True):
+        pairs = zip(candidate.starts, columns, strict=True)
+        loud = tuple((start, column) for start, column in pairs if float(np.linalg.norm(column)) > LOUD)
+        screenings.append(Screening(candidate, loud))
+    return screenings
+
+
+def rank_candidates(fit: Fit, screenings: Sequence[Screening], use: Mask) -> list[Signature]:
+    """Return the best signature of every candidate that changes anything, the most promising first.
+
+    Args:
+        fit: The recalibrated model, or one with an effect in it: what a second effect changes is taken to be the same
+            with the first one as without.
+        screenings: Of the candidates.
+        use: Samples that may be looked at, (n,).
+    """
+    projector = Projector(fit, use)
+    size = fit.space.size
+    signatures = []
+    for screening in screenings:
+        candidate = screening.candidate
+        space = fit.space.extend(candidate.axes, candidate.fixed)
+        best: Signature | None = None
+        for start, column in screening.columns:
             norm = float(np.linalg.norm(column[use]))
-            if norm < 1e-3:
+            if norm < LOUD:
                 continue
             projected = projector.project(column)
             kept = min(float(np.linalg.norm(projected[use])) / norm, 1.0)
@@ -162,28 +206,46 @@ def simulate_changes(
     return [predictor.measurement.whiten(np.where(np.isfinite(change), change, 0.0)) for change in changes]
 
 
-def search_strength(predictor: Predictor, base: Fit, signature: Signature, use: Mask) -> Strength:
-    """Return where to start a fit: the strength along the signature that takes most off the residual.
+def search_strengths(
+    predictor: Predictor, base: Fit, signatures: Sequence[Signature], use: Mask
+) -> list[tuple[Strength, Signature]]:
+    """Return where to start each fit, the most promising first.
 
-    Growth that stalls or a tendon that goes slack depend on the strength by leaps, over which no gradient leads.
+    It is the strength along the signature that takes most off the residual: growth that stalls or a tendon that goes
+    slack depend on it by leaps, over which no gradient leads.
     """
     projector = Projector(base, use)
+    found = [(Strength(signature.start, -np.inf), signature) for signature in signatures]
+    for factors in SEARCH:
+        most = max((strength.gain for strength, _ in found), default=0.0)
+        found = [
+            (strength, signature)
+            if np.isfinite(strength.gain) and strength.gain < HOPELESS * most
+            else (_search(predictor, base, projector, signature, strength, factors), signature)
+            for strength, signature in found
+        ]
+    return sorted(found, key=lambda pair: -pair[0].gain)
+
+
+def _search(
+    predictor: Predictor,
+    base: Fit,
+    projector: Projector,
+    signature: Signature,
+    strength: Strength,
+    factors: Sequence[float],
+) -> Strength:
+    """Return the best of some multiples of a strength, and of itself."""
     candidate = signature.candidate
     space = base.space.extend(candidate.axes, candidate.fixed)
     limits = space.limits_of(base.space.size)
     amplitude = np.array([axis.path in candidate.amplitudes for axis in candidate.axes], dtype=bool)
     if not amplitude.any():
         return Strength(signature.start, signature.gain)
-    best, most = signature.start, -np.inf
-    for factors in SEARCH:
-        centre = best.copy()
-        starts = [np.clip(np.where(amplitude, factor * centre, centre), *limits) for factor in factors]
-        columns = simulate_changes(predictor, base, space, candidate, starts)
-        for start, column in zip(starts, columns, strict=True):
-            gain = projector.exact_gain(column)
-            if gain > most:
-                best, most = start, gain
-    return Strength(best, most)
+    starts = [np.clip(np.where(amplitude, factor * strength.z, strength.z), *limits) for factor in factors]
+    columns = simulate_changes(predictor, base, space, candidate, starts)
+    tried = [Strength(z, projector.exact_gain(column)) for z, column in zip(starts, columns, strict=True)]
+    return max(strength, *tried, key=lambda one: one.gain)
 
 
 def group_equivalent(signatures: Sequence[Signature], use: Mask) -> dict[str, list[str]]:

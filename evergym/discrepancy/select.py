@@ -13,18 +13,20 @@ from evergym.discrepancy.candidates import Candidate
 from evergym.discrepancy.cross_validate import CrossValidation, cross_validate
 from evergym.discrepancy.fit import Fit, fit_space, whitened_residual
 from evergym.discrepancy.predict import Predictor
-from evergym.discrepancy.screen import Signature, search_strength
+from evergym.discrepancy.screen import Signature, search_strengths
 
 __all__ = ["Score", "Split", "fit_candidates", "score_fit"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ITERATIONS = 5
+FIRST_ITERATIONS, ITERATIONS = 2, 4
+"""Steps of a fit before the race is judged, and after."""
 REFINE_FACTOR = 3.0
-"""Candidates within this factor of the best one's excess get a Jacobian of their own before they are scored."""
+"""Candidates within this factor of the best one's excess are fitted to the end, and the first of them get a Jacobian
+of their own before they are scored."""
 REFINED_MAX = 2
-FITTED_MIN, WORTH = 2, 0.04
+FITTED_MIN, WORTH = 2, 0.12
 """Candidates whose signature takes less than this share of the best one's off the residual are not fitted, but for two:
 a signature is near enough to the truth for that."""
 CEILING = 1.5
@@ -125,31 +127,57 @@ def fit_candidates(
         split: Samples that choose.
         count: Candidates to fit at most.
     """
-    found = [(search_strength(predictor, base.fit, s, split.use), s) for s in signatures[: count + SPARE]]
-    found.sort(key=lambda pair: -pair[0].gain)
+    found = search_strengths(predictor, base.fit, signatures[: count + SPARE], split.use)
     worth = [pair for rank, pair in enumerate(found) if rank < FITTED_MIN or pair[0].gain > WORTH * found[0][0].gain]
-    scores = []
-    for strength, signature in worth[:count]:
-        fit = _fit_candidate(predictor, base.fit, signature.candidate, strength.z, split.use)
-        effects = (*base.effects, signature.candidate)
-        scores.append(score_fit(predictor, fit, split, effects, signature, base))
-    scores.sort(key=_rank)
-    refined: list[Score] = []
-    for rank, score in enumerate(scores):
-        if rank < REFINED_MAX and score.excess <= REFINE_FACTOR * scores[0].excess + 0.1:
-            fit = refine(predictor, score.fit, split.use)
-            score = score_fit(predictor, fit, split, score.effects, score.signature, base)
-        refined.append(score)
-    return sorted(refined, key=_rank)
+    fits = [
+        (_begin_fit(predictor, base.fit, signature.candidate, strength.z, split.use), signature)
+        for strength, signature in worth[:count]
+    ]
+    # A race: who is far behind after the first steps stays as it is.
+    fits.sort(key=_cost)
+    fits = [
+        (_continue_fit(predictor, fit, signature.candidate, split.use), signature)
+        if _is_near(fit, fits[0][0], split.use, REFINE_FACTOR)
+        else (fit, signature)
+        for fit, signature in fits
+    ]
+    fits.sort(key=_cost)
+    fits = [
+        (refine(predictor, fit, split.use), signature)
+        if rank < REFINED_MAX and _is_near(fit, fits[0][0], split.use, REFINE_FACTOR)
+        else (fit, signature)
+        for rank, (fit, signature) in enumerate(fits)
+    ]
+    scores = [
+        score_fit(predictor, fit, split, (*base.effects, signature.candidate), signature, base)
+        for fit, signature in fits
+    ]
+    return sorted(scores, key=_rank)
+
+
+def _cost(pair: tuple[Fit, Signature]) -> float:
+    return pair[0].cost
+
+
+def _is_near(fit: Fit, best: Fit, use: Mask, factor: float) -> bool:
+    """Whether what a fit leaves over is within a factor of what the best one does, noise aside."""
+    noise = float(use.sum())
+    rest, least = (float(one.residual[use] @ one.residual[use]) - noise for one in (fit, best))
+    return rest <= factor * max(least, 0.0) + 0.1 * noise
 
 
 def _rank(score: Score) -> float:
     return score.validation.total
 
 
-def _fit_candidate(predictor: Predictor, base: Fit, candidate: Candidate, start: Array, use: Mask) -> Fit:
+def _begin_fit(predictor: Predictor, base: Fit, candidate: Candidate, start: Array, use: Mask) -> Fit:
     space = base.space.extend(candidate.axes, candidate.fixed)
     new = list(range(base.space.size, space.size))
     jacobian = np.concatenate((base.jacobian, np.zeros((len(base.residual), len(new)))), axis=1)
     start = np.concatenate((base.z, start))
-    return fit_space(predictor, space, start, use, jacobian=jacobian, refresh=new, iterations=ITERATIONS)
+    return fit_space(predictor, space, start, use, jacobian=jacobian, refresh=new, iterations=FIRST_ITERATIONS)
+
+
+def _continue_fit(predictor: Predictor, fit: Fit, candidate: Candidate, use: Mask) -> Fit:
+    new = list(range(fit.space.size - candidate.size, fit.space.size))
+    return fit_space(predictor, fit.space, fit.z, use, jacobian=fit.jacobian, refresh=new, iterations=ITERATIONS)
