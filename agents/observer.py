@@ -89,7 +89,9 @@ class Observer:
 
     @staticmethod
     def _array(observation: Any) -> Array:
-        return np.asarray(observation["observation"] if isinstance(observation, dict) else observation, np.float64)
+        if isinstance(observation, dict):
+            observation = observation["observation"] if "observation" in observation else observation["state"]
+        return np.asarray(observation, np.float64)
 
     def read(self, row: Array) -> Seen:
         """Return one observation in SI units."""

@@ -22,10 +22,11 @@ from evergym.envs.observation import (
     make_observation_space,
 )
 from evergym.envs.randomisation import draw_model
-from evergym.envs.rendering import Renderer
+from evergym.envs.rendering.endoscope import ENDOSCOPE_SIZE, EndoscopeView
+from evergym.envs.rendering.view import View, make_view
 from evergym.envs.reward import REWARD_TERMS, compute_reward_terms
 from evergym.envs.route import Route
-from evergym.envs.settings import EpisodeSettings, RewardSettings, check_keys
+from evergym.envs.settings import EpisodeSettings, PictureSettings, RewardSettings, check_keys
 from evergym.errors import ConfigError, SimulationDiverged
 from evergym.model import load_model
 from evergym.simulator import Command, Reading, Simulator
@@ -47,22 +48,31 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     has_wall: ClassVar[bool] = True
     """Whether there is tissue that the robot can perforate."""
 
-    def __init__(self, settings: EpisodeSettings, reward: Mapping[str, float] | None, render_mode: str | None) -> None:
+    def __init__(
+        self,
+        settings: EpisodeSettings,
+        reward: Mapping[str, float] | None,
+        render_mode: str | None,
+        picture: PictureSettings,
+    ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(
                 f"render_mode is {render_mode!r}; it must be None or one of {self.metadata['render_modes']}."
             )
         self.render_mode = render_mode
         self.settings = settings
+        self.picture = picture
         self.reward_settings = RewardSettings.from_mapping(reward)
         self.model = load_model(settings.model)
         self.action_space = spaces.Box(-1.0, 1.0, (len(ACTION_NAMES),), np.float32)
-        self.observation_space: spaces.Space[Any] = make_observation_space(self.terms)
+        self.has_image = settings.observation == "state+image"
+        self.observation_space: spaces.Space[Any] = self._make_space()
         self.drive = Drive(DriveLimits.from_robot(self.model.robot))
         self._factors = inverse_scales(self.terms, hide_map=settings.hide_map)
         self._holds = max(1, math.ceil(settings.control_step_s / HOLD_MAX - 1e-9))
         self._hold = settings.control_step_s / self._holds
-        self._renderer: Renderer | None = None
+        self._view: View | None = None
+        self._eye: EndoscopeView | None = None
         self._world: World | None = None
         self._anatomy: dict[str, Any] = {}
         self._simulator: Simulator | None = None
@@ -158,21 +168,32 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return observation, sum(reward_terms.values()), terminated, truncated, info
 
     def render(self) -> Any:
-        """Return the current frame as an RGB array (height, width, 3) of uint8, or None without a render mode."""
+        """Return the current picture as an RGB array (height, width, 3) of uint8, or None without a render mode."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() does nothing without render_mode='rgb_array' in gymnasium.make(...).")
             return None
         if self._simulator is None:
             raise gymnasium.error.ResetNeeded("render() was called before reset(). Call reset() first.")
-        if self._renderer is None:
-            self._renderer = Renderer()
-        return self._renderer.draw(self._scene, self._route.target, self._simulator)
+        target = self._route.target
+        if self._view is None:
+            self._view = make_view(self.picture.view, self._scene, target, self.picture.width, self.picture.height)
+        self._view.place(self._scene, target)
+        return self._view.frame(self._simulator, self._describe())
 
     def close(self) -> None:
-        """Free the renderer; the environment can be closed more than once."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        """Free the view; the environment can be closed more than once."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+    def _describe(self) -> str:
+        """Return the caption of a picture."""
+        reading, route = self._reading, self._route
+        end = f"   {self._end_reason}" if self._end_reason else ""
+        return (
+            f"{reading.time:.1f} s   {reading.pressure / KPA:.0f} kPa   pull {reading.tendon_pull / MM:.1f} mm   "
+            f"to go {route.distance_to_go / MM:.1f} mm   force {reading.wall_force_max:.2f} N{end}"
+        )
 
     # One step
 
@@ -207,8 +228,30 @@ class MammobotEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             if part == duration:
                 return True
 
+    def _make_space(self) -> spaces.Space[Any]:
+        """Return the space of `_observe`."""
+        state = make_observation_space(self.terms)
+        if not self.has_image:
+            return state
+        width, height = ENDOSCOPE_SIZE
+        return spaces.Dict({"state": state, "endoscope": spaces.Box(0, 255, (height, width, 3), np.uint8)})
+
     def _observe(self) -> Any:
         """Return the observation of the current state."""
+        state = self._observe_state()
+        return {"state": state, "endoscope": self._observe_image()} if self.has_image else state
+
+    def _observe_image(self) -> NDArray[np.uint8]:
+        """Return what the endoscope sees; where the target lies belongs to the map, and is hidden with it."""
+        assert self._simulator is not None  # step() and reset() made it
+        target = None if self.settings.hide_map else self._route.target
+        if self._eye is None:
+            self._eye = EndoscopeView(self._scene, target)
+        self._eye.place(self._scene, target)
+        return self._eye.frame(self._simulator)
+
+    def _observe_state(self) -> NDArray[np.float32]:
+        """Return the state's part of the observation."""
         assert self._simulator is not None  # step() and reset() made it
         reading: Reading = self._reading
         position: list[float] = reading.tip_position.tolist()

@@ -17,7 +17,7 @@ from evergym.duct_models.importer import load_duct
 from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import DUCT_TERMS, ObservationTerm
 from evergym.envs.route import LumenRoute
-from evergym.envs.settings import EpisodeSettings, check_index, check_keys
+from evergym.envs.settings import EpisodeSettings, PictureSettings, check_index, check_keys
 from evergym.errors import ConfigError, GeometryError
 from evergym.units import MM
 from evergym.world import World
@@ -146,6 +146,9 @@ class MammobotDuctEnv(MammobotEnv):
         pool_size: int = 64,
         reward: Mapping[str, float] | None = None,
         render_mode: str | None = None,
+        view: str = "outside",
+        width: int | None = None,
+        height: int | None = None,
         **settings: Any,
     ) -> None:
         names = {field.name for field in dataclasses.fields(EpisodeSettings)}
@@ -154,7 +157,8 @@ class MammobotDuctEnv(MammobotEnv):
         check_index(pool_size, "pool_size", 1)
         self.family = family
         self.pool_size = pool_size
-        super().__init__(EpisodeSettings(**settings), reward, render_mode)
+        picture = PictureSettings(view=view, width=width, height=height)
+        super().__init__(EpisodeSettings(**settings), reward, render_mode, picture)
 
     def _select(self, options: Mapping[str, Any]) -> tuple[World, dict[str, Any], Any]:
         """Choose duct and target: from the options where given, else drawn."""

@@ -51,14 +51,12 @@ class _GoalEnv(MammobotEnv):
         self.goal_reward = goal_reward
         # A step costs 1, so a failure must cost more than the steps it saves: the horizon of a discount of 0.99.
         super().__init__(reward={"failure": _DISCOUNTED_HORIZON, **(reward or {})}, **arguments)
-        goal = spaces.Box(-1.0, 1.0, (self.goal_size,), np.float32)
-        self.observation_space = spaces.Dict(
-            {
-                "observation": self.observation_space,
-                "achieved_goal": goal,
-                "desired_goal": spaces.Box(-1.0, 1.0, (self.goal_size,), np.float32),
-            }
-        )
+        parts: dict[str, spaces.Space[Any]] = {"observation": self.observation_space}
+        if isinstance(self.observation_space, spaces.Dict):
+            parts = {"observation": self.observation_space["state"], "endoscope": self.observation_space["endoscope"]}
+        for name in ("achieved_goal", "desired_goal"):
+            parts[name] = spaces.Box(-1.0, 1.0, (self.goal_size,), np.float32)
+        self.observation_space = spaces.Dict(parts)
 
     @abstractmethod
     def _goals(self) -> tuple[list[float], list[float]]:
@@ -96,14 +94,13 @@ class _GoalEnv(MammobotEnv):
                 reward = reward + np.array([entry.get(key, 0.0) for entry in infos])
         return float(reward[0]) if np.ndim(achieved_goal) == 1 else reward
 
-    def _observe(self) -> dict[str, NDArray[np.float32]]:
+    def _observe(self) -> dict[str, NDArray[Any]]:
         """Return the observation of the current state with both goals."""
         achieved, desired = self._goals()
-        return {
-            "observation": super()._observe(),
-            "achieved_goal": _scale_goal(achieved),
-            "desired_goal": _scale_goal(desired),
-        }
+        parts: dict[str, NDArray[Any]] = {"observation": self._observe_state()}
+        if self.has_image:
+            parts["endoscope"] = self._observe_image()
+        return {**parts, "achieved_goal": _scale_goal(achieved), "desired_goal": _scale_goal(desired)}
 
     def _reward_terms(self, observation: Any, distance_before: float) -> dict[str, float]:
         """Return the terms of ``compute_reward``."""
@@ -119,8 +116,15 @@ class _GoalEnv(MammobotEnv):
 class MammobotPegsGoalEnv(_GoalEnv, MammobotPegsEnv):
     """``MammobotPegs-v0`` with goals as vectors, for hindsight experience replay.
 
-    Observation: a dictionary of ``observation`` (as in ``MammobotPegsEnv``), ``achieved_goal`` and ``desired_goal``.
-    Reward, start, end, info, arguments and options as in ``MammobotDuctGoalEnv``.
+    Action, reward, start, end, info and arguments are those of ``MammobotDuctGoalEnv``, options those of
+    ``MammobotPegsEnv``.
+
+    ## Observation
+
+    A dictionary of ``observation`` (as in ``MammobotPegsEnv``), ``achieved_goal`` and ``desired_goal``, float32 boxes
+    -1..1.
+
+    ## Goals
 
     A goal is a tip position: three coordinates over 150 mm. The error between two goals is their distance.
     """
@@ -140,9 +144,14 @@ class MammobotPegsGoalEnv(_GoalEnv, MammobotPegsEnv):
 class MammobotDuctGoalEnv(_GoalEnv, MammobotDuctEnv):
     """``MammobotDuct-v0`` with goals as vectors, for hindsight experience replay.
 
-    Observation: a dictionary of ``observation`` (as in ``MammobotDuctEnv``), ``achieved_goal`` and ``desired_goal``,
-    float32 boxes
-    -1..1. Action, start, end, info and options are those of ``MammobotDuctEnv``.
+    Action, start, end, info and options are those of ``MammobotDuctEnv``.
+
+    ## Observation
+
+    A dictionary of ``observation`` (as in ``MammobotDuctEnv``), ``achieved_goal`` and ``desired_goal``, float32 boxes
+    -1..1.
+
+    ## Goals
 
     A goal is a place in the lumen, all lengths over 150 mm, so that "within 5 mm along the lumen" can be told from
     two goals alone, in any anatomy:
@@ -157,7 +166,9 @@ class MammobotDuctGoalEnv(_GoalEnv, MammobotDuctEnv):
     share cancel, all others add. The error is hypot(way along the lumen, difference of 3), as in
     ``info["tip_error_mm"]``.
 
-    Reward: the sum of ``info["reward/<term>"]``, equal to ``compute_reward(achieved_goal, desired_goal, info)``.
+    ## Reward
+
+    The sum of ``info["reward/<term>"]``, equal to ``compute_reward(achieved_goal, desired_goal, info)``.
 
     | term | value |
     |---|---|
@@ -165,8 +176,10 @@ class MammobotDuctGoalEnv(_GoalEnv, MammobotDuctEnv):
     | `failure` | once, -100 on a burst or perforation: what a discount of 0.99 makes of -1 for ever |
     | `wall_force` | as in ``MammobotDuctEnv`` |
 
-    Arguments: those of ``MammobotDuctEnv`` and ``goal_reward`` ("sparse", or "dense"). Of ``reward``, the weights
-    ``failure``, ``wall_force_per_n_s`` and, for "dense", ``progress_per_mm`` have an effect.
+    ## Arguments of ``gymnasium.make``
+
+    As in ``MammobotDuctEnv`` or ``MammobotPegsEnv``, and ``goal_reward`` ("sparse", or "dense"). Of ``reward``, the
+    weights ``failure``, ``wall_force_per_n_s`` and, for "dense", ``progress_per_mm`` have an effect.
     """
 
     goal_size: ClassVar[int] = 4 + LUMEN_COORDINATES

@@ -15,7 +15,7 @@ from evergym.duct_models.pegs import PAPER_TARGETS, PegField, paper_pegs
 from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import PEG_TERMS, ObservationTerm
 from evergym.envs.route import PegRoute
-from evergym.envs.settings import EpisodeSettings, check_index, check_keys
+from evergym.envs.settings import EpisodeSettings, PictureSettings, check_index, check_keys
 from evergym.errors import ConfigError, GeometryError
 from evergym.units import MM
 from evergym.world import World
@@ -92,6 +92,9 @@ class MammobotPegsEnv(MammobotEnv):
         pool_size: int = 64,
         reward: Mapping[str, float] | None = None,
         render_mode: str | None = None,
+        view: str = "outside",
+        width: int | None = None,
+        height: int | None = None,
         **settings: Any,
     ) -> None:
         check_keys(
@@ -101,7 +104,8 @@ class MammobotPegsEnv(MammobotEnv):
         check_index(pool_size, "pool_size", 1)
         self.family = family
         self.pool_size = pool_size
-        super().__init__(EpisodeSettings(**settings), reward, render_mode)
+        picture = PictureSettings(view=view, width=width, height=height)
+        super().__init__(EpisodeSettings(**settings), reward, render_mode, picture)
 
     def _select(self, options: Mapping[str, Any]) -> tuple[World, dict[str, Any], Any]:
         """Choose the field: from the options where given, else drawn."""

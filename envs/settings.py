@@ -13,7 +13,7 @@ import numpy as np
 
 from evergym.errors import ConfigError
 
-__all__ = ["EpisodeSettings", "RewardSettings", "check_index", "check_keys"]
+__all__ = ["EpisodeSettings", "PictureSettings", "RewardSettings", "check_index", "check_keys"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +31,7 @@ class EpisodeSettings:
         success_distance_mm: Tip error below which the target counts as reached [mm]; the task's definition.
         wall_force_limit_n: Wall force of one section above which a step costs 1 [N].
         perforation_depth_mm: Penetration of the wall above which it counts as perforated [mm].
+        observation: "state", or "state+image" for a dictionary with the endoscope's picture beside the state.
     """
 
     model: str = "mammobot_2023"
@@ -45,6 +46,7 @@ class EpisodeSettings:
     wall_force_limit_n: float = 0.5
     # Prior: no published depth was found. Two millimetres is more than a robot radius.
     perforation_depth_mm: float = 2.0
+    observation: str = "state"
 
     def __post_init__(self) -> None:
         _check_number("control_step_s", self.control_step_s, above=0.0, unit="s")
@@ -55,6 +57,31 @@ class EpisodeSettings:
         _check_number("success_distance_mm", self.success_distance_mm, above=0.0, unit="mm")
         _check_number("wall_force_limit_n", self.wall_force_limit_n, above=0.0, unit="N")
         _check_number("perforation_depth_mm", self.perforation_depth_mm, above=0.0, unit="mm")
+        check_keys({self.observation: None}, ("state", "state+image"), where="observation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureSettings:
+    """What ``render()`` shows.
+
+    Attributes:
+        view: "outside", "endoscope" or "map".
+        width: Width of the picture in pixels; None: 480, or 240 for the endoscope.
+        height: Height of the picture in pixels; None: 360, or 240 for the endoscope.
+    """
+
+    view: str = "outside"
+    width: int | None = None
+    height: int | None = None
+
+    def __post_init__(self) -> None:
+        check_keys({self.view: None}, ("outside", "endoscope", "map"), where="view")
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if value is not None:
+                check_index(value, name, 16)
+                if value > 8192:
+                    raise ConfigError(f"{name} is {value} pixels; it must be at most 8192.")
 
 
 @dataclass(frozen=True, kw_only=True)
