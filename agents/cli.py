@@ -38,6 +38,7 @@ COMMANDS = {
     "bench": CommandEntry("evergym.agents.bench", "Bench", "measure the simulator's speed and accuracy"),
     "scenario": CommandEntry("evergym.agents.scenarios", "Scenario", "run the deployments of the paper's Fig. 12"),
     "effects": CommandEntry("evergym.agents.effect_command", "ShowEffects", "list and explain the physical effects"),
+    "docs": CommandEntry("evergym.agents.docs_command", "Docs", "write the pages that say what the code says"),
     "soak": CommandEntry("evergym.agents.soak", "Soak", "run random and adversarial actions for a long time"),
     "dataset check": CommandEntry("evergym.discrepancy.commands", "DatasetCheck", "check measured runs"),
     "dataset show": CommandEntry("evergym.discrepancy.commands", "DatasetShow", "draw measured runs"),

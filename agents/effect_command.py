@@ -1,15 +1,14 @@
-"""``evergym effects``: list the physical effects, explain some of them, or write their pages."""
+"""``evergym effects``: list the physical effects, or explain some of them."""
 
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
-from evergym.agents.effect_pages import ACTS_ON, EffectPage, describe_depends, describe_effect, write_pages
+from evergym.agents.effect_pages import ACTS_ON, EffectPage, describe_depends, describe_effect
 from evergym.agents.effect_separations import find_separations
 from evergym.agents.suggest import suggest
 from evergym.effects.catalogue import EFFECTS
@@ -27,18 +26,13 @@ class ShowEffects:
     """Effects to explain (none: list all)."""
     model: str = "mammobot_2023"
     """Model (name or TOML file) whose values are shown beside the defaults."""
-    docs: Path | None = None
-    """Write the pages of the documentation into this folder instead."""
 
     def run(self) -> int:
-        """Print or write; returns the exit code."""
+        """Print; returns the exit code."""
         for name in self.names:
             if name not in EFFECTS:
                 raise ConfigError(f"There is no effect '{name}'{suggest(name, EFFECTS)}")
         model = load_model(self.model)
-        if self.docs is not None:
-            print(f"{write_pages(self.docs, model)} pages written into {self.docs}")
-            return 0
         console = Console(highlight=False, markup=False)
         if not self.names:
             console.print(_tabulate_effects([describe_effect(name, model) for name in EFFECTS], model.name))

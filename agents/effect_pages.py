@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from pathlib import Path
 from typing import NamedTuple
 
 import tomli_w
@@ -19,17 +18,15 @@ from evergym.agents.effect_separations import find_separations
 from evergym.config import ParameterInfo, iterate_parameters
 from evergym.effects.catalogue import EFFECTS
 from evergym.effects.information import EffectInfo
-from evergym.errors import RunError
-from evergym.model import Model
+from evergym.model import Model, load_model
 
 __all__ = [
     "ACTS_ON",
     "EffectPage",
     "ParameterRow",
-    "compose_pages",
+    "compose_effect_pages",
     "describe_depends",
     "describe_effect",
-    "write_pages",
 ]
 
 ACTS_ON = {
@@ -109,31 +106,12 @@ def describe_depends(info: EffectInfo) -> str:
     return "; ".join(text for key, text in DEPENDS_ON.items() if key in info.depends_on) or "none of these"
 
 
-def compose_pages(model: Model) -> dict[str, str]:
-    """Return the Markdown text of every page and of the index, by file name."""
+def compose_effect_pages(model_name: str = "mammobot_2023") -> dict[str, str]:
+    """Return the Markdown text of every page and of the index, by file name, with the values of a model beside."""
+    model = load_model(model_name)
     pages = [describe_effect(name, model) for name in EFFECTS]
     texts = {f"{page.name}.md": _compose_page(page, model.name) for page in pages}
     return {"README.md": _compose_index(pages), **texts}
-
-
-def write_pages(folder: Path, model: Model) -> int:
-    """Write the pages into ``folder`` and return how many there are.
-
-    Raises:
-        RunError: The folder cannot be written.
-    """
-    pages = compose_pages(model)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in pages.items():
-            part = folder / f".{name}.part"
-            part.write_text(text, encoding="utf-8")
-            part.replace(folder / name)
-    except OSError as error:
-        raise RunError(
-            f"The pages cannot be written into '{folder}': {error.strerror}. Choose another folder."
-        ) from error
-    return len(pages)
 
 
 def _compose_page(page: EffectPage, model_name: str) -> str:
@@ -161,7 +139,7 @@ def _compose_index(pages: list[EffectPage]) -> str:
     lines = [
         "# The effects",
         "",
-        "Written by `evergym effects --docs docs/effects`; a test keeps these pages true.",
+        "Written by `evergym docs`; a test keeps these pages true.",
         "",
     ]
     lines += ["| row | effect | what it is | acts on | moves | depends on |", "|---|---|---|---|---|---|"]

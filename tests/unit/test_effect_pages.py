@@ -1,32 +1,16 @@
-"""The list of effects explains all of them, and the committed pages say what the code says."""
+"""The list of effects explains all of them."""
 
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 
 import pytest
 
 from evergym.agents.cli import main
-from evergym.agents.effect_pages import compose_pages, describe_effect
+from evergym.agents.effect_pages import describe_effect
 from evergym.agents.effect_separations import SEPARATIONS
 from evergym.effects.catalogue import EFFECTS
 from evergym.model import load_model
-
-
-def test_committed_pages_are_up_to_date(checkout: Path) -> None:
-    folder = checkout / "docs" / "effects"
-    expected = compose_pages(load_model("mammobot_2023"))
-    found = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
-    stale = sorted(name for name in expected.keys() | found.keys() if expected.get(name) != found.get(name))
-    assert stale == [], "run: evergym effects --docs docs/effects"
-
-
-def test_command_writes_the_pages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["effects", "--docs", str(tmp_path / "new")]) == 0
-    expected = compose_pages(load_model("mammobot_2023"))
-    assert {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "new").iterdir()} == expected
-    assert f"{len(EFFECTS) + 1} pages" in capsys.readouterr().out
 
 
 def test_list_names_every_effect(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
