@@ -83,6 +83,12 @@ class MammobotDuctEnv(MammobotEnv):
     noise on the position, and on the directions as if they were found from two points 10 mm apart; reward and success
     use the true pose.
 
+    With ``observation="state+image"``: a dictionary of ``state``, the vector above, and ``endoscope``, ``Box(0, 255,
+    (64, 64, 3), uint8)``: what a camera at the tip sees of wall or pegs, its lamp's light falling off with the distance.
+    It looks along the tip direction over 100 degrees (prior), the tendon side up. A green ball, lit by itself, marks the
+    target where nothing hides it; with ``hide_map`` there is none. The camera is where the tip is: localisation noise
+    does not move it.
+
     ## Reward
 
     The sum of ``info["reward/<term>"]``. The weights are arguments, see ``RewardSettings``.
@@ -119,11 +125,12 @@ class MammobotDuctEnv(MammobotEnv):
 
     - ``family`` ("train"), ``pool_size`` (64): family of ducts, and how many of its indices episodes are drawn from.
     - ``reward`` (None): weights by name, such as ``{"success": 10.0}``.
-    - ``render_mode`` (None): or "rgb_array".
+    - ``render_mode`` (None): or "rgb_array"; ``view`` ("outside"): what ``render()`` shows, "outside", "endoscope" or
+      "map"; ``width``, ``height`` (None: 480 x 360, endoscope 240 x 240): of its picture, in pixels.
     - the fields of ``EpisodeSettings``: ``model``, ``control_step_s`` (0.25), ``time_limit_s`` (300),
       ``everted_length_mm`` (10), ``localisation_noise_mm`` (0), ``hide_map`` (False), ``model_randomisation`` (0; 1
       draws each model parameter from its uncertainty at every reset), ``success_distance_mm`` (5),
-      ``wall_force_limit_n``, ``perforation_depth_mm``.
+      ``wall_force_limit_n``, ``perforation_depth_mm``, ``observation`` ("state"; or "state+image").
 
     ## Options of ``reset``
 

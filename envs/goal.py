@@ -122,7 +122,7 @@ class MammobotPegsGoalEnv(_GoalEnv, MammobotPegsEnv):
     ## Observation
 
     A dictionary of ``observation`` (as in ``MammobotPegsEnv``), ``achieved_goal`` and ``desired_goal``, float32 boxes
-    -1..1.
+    -1..1; with ``observation="state+image"`` also ``endoscope``, as there.
 
     ## Goals
 
@@ -149,7 +149,7 @@ class MammobotDuctGoalEnv(_GoalEnv, MammobotDuctEnv):
     ## Observation
 
     A dictionary of ``observation`` (as in ``MammobotDuctEnv``), ``achieved_goal`` and ``desired_goal``, float32 boxes
-    -1..1.
+    -1..1; with ``observation="state+image"`` also ``endoscope``, as there.
 
     ## Goals
 

@@ -35,8 +35,8 @@ class MammobotPegsEnv(MammobotEnv):
 
     ``Box(-1, 1, (size,), float32)``; a component is its value over its scale, clipped to -1..1. The world's origin is
     the port, +z the direction of insertion, gravity along -y, and the pegs stand along y. The tip frame's axes are
-    the tendon side (to which pulling bends the tip), the binormal and the tip direction. ``hide_map`` and
-    ``localisation_noise_mm`` are as in ``MammobotDuctEnv``.
+    the tendon side (to which pulling bends the tip), the binormal and the tip direction. ``hide_map``,
+    ``localisation_noise_mm`` and ``observation="state+image"`` are as in ``MammobotDuctEnv``.
 
     | index | name | scale | unit | meaning |
     |---|---|---|---|---|

@@ -12,7 +12,7 @@ from evergym.duct_models.pegs import PegField
 from evergym.envs.rendering.pose import Pose, read_pose
 from evergym.envs.rendering.side import PEG_REACH, choose_side, fit_scale, list_corners
 from evergym.envs.rendering.solids import Solid, make_arrows, sweep_tube
-from evergym.envs.rendering.writing import draw_scale_bar, write_caption, write_legend
+from evergym.envs.rendering.writing import draw_scale_bar, find_legend_height, write_caption, write_legend
 from evergym.simulator import Simulator
 from evergym.units import DEG, MM
 
@@ -83,6 +83,7 @@ class OutsideView:
         vtkLogger.SetStderrVerbosity(verbosity)
         self.size = size
         self._legend = legend
+        self._strip = find_legend_height(size) if legend else 0
         self._pyvista: Any = pyvista
         self._plotter = plotter
         self._scene: object = self
@@ -121,7 +122,7 @@ class OutsideView:
         self._plotter.renderer.ResetCameraClippingRange()
         self._plotter.render()
         image: NDArray[np.uint8] = np.array(self._plotter.screenshot(return_img=True), dtype=np.uint8)
-        image = draw_scale_bar(image, self._pixels)
+        image = draw_scale_bar(image, self._pixels, above=self._strip)
         if self._legend:
             names = [name for name in COLOURS if name not in ("duct wall", "pegs")]
             place = {Duct: ["duct wall"], PegField: ["pegs"]}.get(type(self._scene), [])
@@ -143,7 +144,9 @@ class OutsideView:
         towards = np.cos(turn) * towards - np.sin(turn) * right
         corners = list_corners(scene, margin=3 * MM)
         axes = np.stack([side, -up])
-        self._pixels, middle = fit_scale(corners, axes, self.size, round(_BORDER * min(self.size)))
+        free = (self.size[0], self.size[1] - self._strip)
+        self._pixels, middle = fit_scale(corners, axes, free, round(_BORDER * min(self.size)))
+        middle[1] += 0.5 * self._strip / self._pixels
         self._towards = towards
         centre = middle @ axes + (np.mean(corners, axis=0) @ towards) * towards
         camera = self._plotter.camera
@@ -171,7 +174,7 @@ class OutsideView:
             cylinder = self._pyvista.Cylinder(
                 center=foot, direction=peg[3:6], radius=peg[6], height=2.0 * PEG_REACH, resolution=64
             )
-            self._add(cylinder, "pegs", split_sharp_edges=True, opacity=0.55)
+            self._add(cylinder, "pegs", split_sharp_edges=True, opacity=0.6, culling="back")
         self._add(self._pyvista.lines_from_points(field.way), "target", line_width=1, lighting=False)
 
     def _add(self, mesh: Any, colour: str, *, rgba: bool = False, **how: Any) -> Any:

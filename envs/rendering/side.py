@@ -9,13 +9,13 @@ from evergym.duct_models.duct import Duct
 from evergym.duct_models.pegs import PegField
 from evergym.units import MM
 
-__all__ = ["choose_side", "fit_scale", "list_corners"]
+__all__ = ["PEG_REACH", "choose_side", "fit_scale", "list_corners"]
 
 Array = NDArray[np.float64]
 
 PEG_REACH = 6 * MM
 """How far pegs are drawn above and below the port [m]; they have no ends."""
-_FREE = np.array([[-45.0, -60.0, -5.0], [45.0, 60.0, 110.0]]) * MM  # what the robot can reach
+_FREE = np.array([[-45.0, -45.0, -5.0], [45.0, 45.0, 110.0]]) * MM  # what the robot can reach
 
 
 def choose_side(scene: Duct | PegField | None) -> Array:

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from evergym.units import MM
 
-__all__ = ["INK", "draw_scale_bar", "find_font", "write_caption", "write_legend"]
+__all__ = ["INK", "draw_scale_bar", "find_font", "find_legend_height", "write_caption", "write_legend"]
 
 Picture = NDArray[np.uint8]
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
@@ -26,17 +26,24 @@ def find_font(size: tuple[int, int]) -> Font:
     return ImageFont.load_default(size=max(9, round(0.033 * min(size))))
 
 
-def draw_scale_bar(image: Picture, pixels: float) -> Picture:
+def find_legend_height(size: tuple[int, int]) -> int:
+    """Return the height in pixels of the strip that a legend takes from a picture of a width and height."""
+    return round(0.09 * min(size))
+
+
+def draw_scale_bar(image: Picture, pixels: float, above: int = 0) -> Picture:
     """Draw a bar of ten millimetres into the lower left corner.
 
     Args:
         image: The picture.
         pixels: Per metre.
+        above: Pixels to leave free below it.
     """
     picture, pen, font, unit = _open(image)
-    x, y, length = 2 * unit, picture.height - 2 * unit, pixels * _BAR
+    x, y, length = 2 * unit, picture.height - 2 * unit - above, pixels * _BAR
     pen.line([x, y, x + length, y], fill=INK, width=max(2, unit // 3))
-    pen.text((x + 0.5 * length, y - unit // 2), "10 mm", fill=INK, font=font, anchor="mb")
+    middle = x + 0.5 * max(length, pen.textlength("10 mm", font=font))  # a short bar has its letters to the right
+    pen.text((middle, y - unit // 2), "10 mm", fill=INK, font=font, anchor="mb")
     return np.array(picture)
 
 
@@ -48,15 +55,17 @@ def write_caption(image: Picture, text: str) -> Picture:
 
 
 def write_legend(image: Picture, colours: Mapping[str, str]) -> Picture:
-    """Explain colours in the lower right corner."""
+    """Explain colours in a line at the bottom."""
     picture, pen, font, unit = _open(image)
-    line = round(2.3 * unit)
-    width = max(pen.textlength(name, font=font) for name in colours)
-    x, y = picture.width - 2 * unit - width, picture.height - unit - line * len(colours)
-    for number, (name, colour) in enumerate(colours.items()):
-        middle = y + (number + 0.5) * line
-        pen.rectangle([x - 2.6 * unit, middle - 0.6 * unit, x - 0.8 * unit, middle + 0.6 * unit], fill=colour)
-        pen.text((x, middle), name, fill=INK, font=font, anchor="lm")
+    middle = picture.height - 0.5 * find_legend_height((picture.width, picture.height))
+    widths = {name: 3.2 * unit + pen.textlength(name, font=font) for name in colours}
+    gap = (picture.width - 4 * unit - sum(widths.values())) / max(len(colours) - 1, 1)
+    gap = max(min(gap, 3.0 * unit), unit)
+    x = 2.0 * unit
+    for name, colour in colours.items():
+        pen.rectangle([x, middle - unit, x + 2 * unit, middle + unit], fill=colour)
+        pen.text((x + 3.0 * unit, middle), name, fill=INK, font=font, anchor="lm")
+        x += widths[name] + gap
     return np.array(picture)
 
 

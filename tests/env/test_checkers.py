@@ -23,6 +23,10 @@ VARIANTS: list[tuple[str, dict[str, Any]]] = [
     ("MammobotDuct-v0", {"family": "true_scale_train", "model": "mammobot_2021"}),
     ("MammobotPegs-v0", {"family": "paper", "localisation_noise_mm": 0.5, "hide_map": True}),
     ("MammobotPegs-v0", {"family": "dense"}),
+    ("MammobotDuct-v0", {"view": "endoscope", "width": 48, "height": 40}),
+    ("MammobotPegs-v0", {"view": "map"}),
+    ("MammobotDuct-v0", {"observation": "state+image"}),
+    ("MammobotPegsGoal-v0", {"observation": "state+image", "hide_map": True}),
     ("MammobotDuctGoal-v0", {"goal_reward": "dense"}),
     ("MammobotPegsGoal-v0", {"goal_reward": "dense", "hide_map": True, "model_randomisation": 0.5}),
 ]
@@ -31,10 +35,10 @@ VARIANTS: list[tuple[str, dict[str, Any]]] = [
 @pytest.mark.parametrize(("name", "arguments"), VARIANTS, ids=lambda value: str(value))
 def test_checkers_find_nothing(name: str, arguments: dict[str, Any]) -> None:
     """Warnings are errors in this suite, so a warning of either checker fails."""
-    render = "rgb_array" if not arguments else None
-    env = gymnasium.make(name, pool_size=1, render_mode=render, **arguments).unwrapped
-    # Frames are checked once per id; the options do not change them.
-    env_checker.check_env(env, skip_render_check=bool(arguments))
+    # Frames are checked once per id and view; other options do not change them.
+    render = not arguments or "view" in arguments
+    env = gymnasium.make(name, pool_size=1, render_mode="rgb_array" if render else None, **arguments).unwrapped
+    env_checker.check_env(env, skip_render_check=not render)
     sb3_checker.check_env(env)
     env.close()
 

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+from evergym.duct_models.pegs import paper_pegs
+from evergym.envs.rendering.outside import OutsideView
+from evergym.envs.rendering.pose import read_pose
+from evergym.envs.rendering.view import VIEWS, make_view
+from evergym.envs.rendering.writing import find_legend_height
+from evergym.errors import ConfigError
+from evergym.model import load_model
+from evergym.simulator import Simulator
+from evergym.units import MM
+from evergym.world import World
 
 PUSH = np.array([1.0, 0.0, -0.5, 1.0], dtype=np.float32)
 
@@ -19,7 +32,7 @@ def count(frame: NDArray[np.uint8], channel: int, margin: int = 40) -> int:
     )
 
 
-@pytest.mark.parametrize("name", ["MammobotDuct-v0", "MammobotPegsGoal-v0"])
+@pytest.mark.parametrize("name", ["evergym:MammobotDuct-v0", "evergym:MammobotPegsGoal-v0"])
 def test_frames_show_robot_and_target(name: str) -> None:
     """Fresh uint8 arrays of the default size; the target is green; what moves moves."""
     env = gymnasium.make(name, render_mode="rgb_array", pool_size=1)
@@ -43,7 +56,7 @@ def test_frames_show_robot_and_target(name: str) -> None:
 
 def test_contacts_are_drawn() -> None:
     """Once the tip presses on a wall, the picture has the contact's orange, which nothing else has."""
-    env = gymnasium.make("MammobotDuct-v0", render_mode="rgb_array", pool_size=1)
+    env = gymnasium.make("evergym:MammobotDuct-v0", render_mode="rgb_array", pool_size=1)
     env.reset(seed=0)
 
     def count_contact() -> int:
@@ -64,7 +77,7 @@ def test_contacts_are_drawn() -> None:
 
 def test_a_new_episode_gets_a_new_picture() -> None:
     """Another duct, another target: the place is built anew."""
-    env = gymnasium.make("MammobotDuct-v0", render_mode="rgb_array")
+    env = gymnasium.make("evergym:MammobotDuct-v0", render_mode="rgb_array")
     frames = []
     for index in range(2):
         env.reset(seed=0, options={"index": index, "target": 0})
@@ -77,7 +90,96 @@ def test_a_new_episode_gets_a_new_picture() -> None:
 
 def test_without_render_mode_there_is_no_renderer() -> None:
     """Training processes pay nothing: a warning and no frame."""
-    env = gymnasium.make("MammobotPegs-v0").unwrapped
+    env = gymnasium.make("evergym:MammobotPegs-v0").unwrapped
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode"):
         assert env.render() is None
+
+
+@pytest.mark.parametrize(
+    ("view", "given", "size"),
+    [("outside", {"width": 200, "height": 120}, (120, 200)), ("endoscope", {}, (240, 240)), ("map", {}, (360, 480))],
+)
+@pytest.mark.parametrize("name", ["evergym:MammobotDuct-v0", "evergym:MammobotPegs-v0"])
+def test_every_view_shows_place_robot_and_target(
+    name: str, view: str, given: dict[str, int], size: tuple[int, int]
+) -> None:
+    """Of the size that was asked for, or the view's own; the target's green is there, and motion is seen."""
+    env = gymnasium.make(name, render_mode="rgb_array", view=view, **given)
+    env.reset(seed=0, options={"index": 0})
+    first = np.asarray(env.render())
+    assert first.shape == (*size, 3)
+    assert count(first, 1, margin=25) > 3
+    for _ in range(20):
+        env.step(PUSH)
+    second = np.asarray(env.render())
+    assert np.count_nonzero(np.any(first != second, axis=2)) > 50
+    env.close()
+
+
+def test_map_and_outside_agree_on_where_the_robot_is() -> None:
+    """Both show the insertion to the right: the robot's dark body grows to the right by the same length."""
+    growth = []
+    for view in ("map", "outside"):
+        env = gymnasium.make("evergym:MammobotPegs-v0", render_mode="rgb_array", view=view)
+        ends = []
+        env.reset(seed=0, options={"index": 0})
+        for steps in (0, 30):
+            for _ in range(steps):
+                env.step(PUSH)
+            dark = np.asarray(env.render())[40:300].max(axis=2) < 90
+            ends.append(int(np.flatnonzero(dark.any(axis=0)).max()))
+        growth.append(ends[1] - ends[0])
+        env.close()
+    assert growth[0] > 40
+    assert abs(growth[0] - growth[1]) < 0.1 * growth[0]  # the outside view is turned a little
+
+
+@pytest.mark.parametrize("view", ["outside", "endoscope", "map"])
+def test_render_before_reset_is_an_error_that_says_so(view: str) -> None:
+    """Gymnasium's own wrapper says it first; without it the environment does."""
+    env = gymnasium.make("evergym:MammobotPegs-v0", render_mode="rgb_array", view=view)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.render()
+    with pytest.raises(gymnasium.error.ResetNeeded, match="before reset"):
+        env.unwrapped.render()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"view": "endscope"}, "Did you mean 'endoscope'"),
+        ({"width": 0}, "width is 0"),
+        ({"height": 100_000}, "height is 100000 pixels; it must be at most 8192"),
+        ({"observation": "image"}, "Did you mean 'state.image'"),
+    ],
+)
+def test_impossible_pictures_are_refused(arguments: dict[str, Any], message: str) -> None:
+    """With the value, its limit and the nearest name."""
+    with pytest.raises(ConfigError, match=message):
+        gymnasium.make("evergym:MammobotDuct-v0", render_mode="rgb_array", **arguments)
+
+
+def test_views_draw_a_kept_pose_and_free_space() -> None:
+    """A replay has poses and no simulator; a robot outside of any duct can be looked at too."""
+    simulator = Simulator(load_model("mammobot_2023"))
+    simulator.reset(everted_length=40 * MM)
+    kept = read_pose(simulator)
+    simulator.reset(everted_length=90 * MM)
+    for name in VIEWS:
+        view = make_view(name, None, (0.0, 0.0, 100 * MM), 160, 120)
+        old, new = view.frame(kept, "forty"), view.frame(simulator, "ninety")
+        assert old.shape == (120, 160, 3)
+        assert (old != new).any()
+        np.testing.assert_array_equal(view.frame(kept, "forty"), old)
+        view.close()
+
+
+def test_a_figure_has_its_legend() -> None:
+    """The strip at the bottom is the legend's, and the place keeps out of it."""
+    field = paper_pegs(0)
+    simulator = Simulator(load_model("mammobot_2023"), World.peg_field(field))
+    plain, explained = (OutsideView(field, legend=legend).frame(simulator) for legend in (False, True))
+    strip = explained[-find_legend_height((480, 360)) :].astype(int)
+    assert np.ptp(strip, axis=2).max() > 100  # colours
+    assert not np.array_equal(plain, explained)
