@@ -31,6 +31,7 @@ COMMANDS = {
     "report": CommandEntry("evergym.agents.report", "Report", "write the report of an evaluation again"),
     "rollout": CommandEntry("evergym.agents.rollout", "Rollout", "run one episode and show it"),
     "play": CommandEntry("evergym.agents.play.play_command", "Play", "drive the robot by hand in a browser"),
+    "replay": CommandEntry("evergym.agents.play.replay_command", "Replay", "look at a recorded episode, or film it"),
     "tune": CommandEntry("evergym.agents.tuning", "Tune", "tune the duty cycle on training anatomies"),
     "identify": CommandEntry(
         "evergym.experiments.identification.command", "Identify", "estimate the robot's parameters from measurements"

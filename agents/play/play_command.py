@@ -16,7 +16,7 @@ from evergym.errors import EvergymError, RunError
 if TYPE_CHECKING:
     from evergym.agents.play.player import Player
 
-__all__ = ["Play"]
+__all__ = ["Play", "open_browser"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Play:
             return 2
 
     def _serve(self) -> int:
-        from evergym.agents.play.server import check_address, start_server, stop_server
+        from evergym.agents.play.server import check_address, describe_address, start_server, stop_server
 
         check_address(self.host, self.port)  # before anything that takes time
         player = self._make_player()
@@ -69,7 +69,7 @@ class Play:
         try:
             page = PlayPage(server, player)
             page.draw()
-            address = f"http://{'localhost' if self.host in ('0.0.0.0', '::') else self.host}:{server.get_port()}"  # noqa: S104
+            address = describe_address(server, self.host)
             print(f"Drive the robot at {address}  (Ctrl-C ends)", flush=True)
             if self.benchmark is not None:
                 return _measure(server, player, page, self.benchmark)
@@ -106,9 +106,8 @@ class Play:
 
 def open_browser(address: str, wanted: bool) -> None:
     """Open the page where there is a display; a text browser in the terminal would help nobody."""
-    if wanted and (
-        sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    display = sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
+    if wanted and display:
         webbrowser.open(address)
 
 

@@ -113,13 +113,13 @@ class PlayPage:
     def _add_steering(self) -> None:
         gui, player = self._server.gui, self._player
         with gui.add_folder("Who drives"):
-            self._button("Duty cycle drives (C)", partial(player.hand_over, DRIVERS[1]), icon="robot", color="blue")
-            self._policy_button = self._button("Policy drives (V)", partial(player.hand_over, DRIVERS[2]), icon="brain")
-            self._button("Take back (H)", partial(player.hand_over, DRIVERS[0]), icon="hand-stop")
+            self._button("Duty cycle drives (C)", partial(player.hand_over, DRIVERS[1]), icon=viser.Icon.ROBOT, color="blue")
+            self._policy_button = self._button("Policy drives (V)", partial(player.hand_over, DRIVERS[2]), icon=viser.Icon.BRAIN)
+            self._button("Take back (H)", partial(player.hand_over, DRIVERS[0]), icon=viser.Icon.HAND_STOP)
             folder = gui.add_text(
                 "Run folder", "" if player.session.policy_folder is None else str(player.session.policy_folder)
             )
-            self._button("Load policy", lambda: player.load_policy(folder.value), icon="download")
+            self._button("Load policy", lambda: player.load_policy(folder.value), icon=viser.Icon.DOWNLOAD)
 
     def _add_episode(self) -> None:
         gui, player = self._server.gui, self._player
@@ -127,9 +127,9 @@ class PlayPage:
         anatomy, self._ducts = player.session.anatomy, "duct" in env.option_names
         families = tuple(FAMILIES) if self._ducts else (*PEG_FAMILIES, "paper")
         with gui.add_folder("Episode"):
-            self._button("Start again (R)", player.reset, icon="rotate")
-            self._button("Pause / go on (P)", player.pause, icon="player-pause")
-            self._button("Save (T)", player.save, icon="device-floppy")
+            self._button("Start again (R)", player.reset, icon=viser.Icon.ROTATE)
+            self._button("Pause / go on (P)", player.pause, icon=viser.Icon.PLAYER_PAUSE)
+            self._button("Save (T)", player.save, icon=viser.Icon.DEVICE_FLOPPY)
             every = gui.add_checkbox("Save every episode at its end", player.save_all)
             speed = gui.add_dropdown("Speed", tuple(f"{value} x" for value in SPEEDS), initial_value="1 x")
             self._pace = gui.add_html("")
@@ -149,7 +149,7 @@ class PlayPage:
                 visible=self._ducts,
                 hint="STL, OBJ, PLY, GLB or duct.toml; instead of family and number",
             )
-            self._button("Go there", self._go, icon="map-pin")
+            self._button("Go there", self._go, icon=viser.Icon.MAP_PIN)
         with gui.add_folder("What you see"):
             gui.add_html(write_legend())
 

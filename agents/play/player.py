@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from evergym.agents.play.episode import DRIVERS, Frame
 from evergym.agents.play.episode_file import SUFFIX, write_episode
 from evergym.agents.play.hand import DriveName
+from evergym.agents.play.requests import Desk
 from evergym.agents.play.session import Session
-from evergym.errors import EvergymError, RunError
+from evergym.errors import RunError
 
 __all__ = ["SPEEDS", "Mode", "Player"]
 
@@ -32,7 +32,7 @@ class Mode(Enum):
     ENDED = "ended"
 
 
-class Player:
+class Player(Desk):
     """A session with the state of its page; requests of other threads come in by ``post``.
 
     Args:
@@ -45,6 +45,7 @@ class Player:
     def __init__(
         self, session: Session, folder: Path, *, seed: int = 0, options: Mapping[str, Any] | None = None
     ) -> None:
+        super().__init__()
         self.session = session
         self.folder = folder
         self.mode = Mode.READY
@@ -53,9 +54,6 @@ class Player:
         """Whether every episode is saved when it ends."""
         self.place_number = 0
         """Counts the resets, so that a page knows when to build another place."""
-        self.notices: list[tuple[str, bool]] = []
-        """Messages for people and whether they are errors, until a page has shown them."""
-        self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
         session.reset(seed, options or {})
 
     @property
@@ -67,22 +65,6 @@ class Player:
     def driver(self) -> str:
         """Who drives, of ``DRIVERS``."""
         return DRIVERS[self.session.driver]
-
-    def post(self, request: Callable[[], None]) -> None:
-        """Ask for something from another thread; it is done before the next frame."""
-        self._requests.put(request)
-
-    def answer(self) -> None:
-        """Do what has been asked for; what cannot be done becomes a notice."""
-        while True:
-            try:
-                request = self._requests.get_nowait()
-            except Empty:
-                return
-            try:
-                request()
-            except EvergymError as error:
-                self.notices.append((str(error), True))
 
     def tick(self) -> None:
         """Advance by one frame at the chosen speed, if time goes on."""

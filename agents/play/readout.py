@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from evergym.agents.play.episode import Frame
+from evergym.agents.play.episode import Frame, Heading
 from evergym.agents.play.player import Mode
 from evergym.agents.play.stage import COLOURS
 
-__all__ = ["END_TEXT", "KEYS", "write_banner", "write_keys", "write_legend", "write_readings"]
+__all__ = ["END_TEXT", "KEYS", "write_banner", "write_keys", "write_legend", "write_readings", "write_replay_banner"]
 
 END_TEXT = {
     "reached": "Target reached",
@@ -54,6 +54,16 @@ def write_banner(mode: Mode, driver: str, end_reason: str, frame: Frame) -> str:
     if driver == "hand":
         return _banner("go", "You drive", "Bring the tip to the green target. C hands over.")
     return _banner("go", f"The {driver} drives", "Any slider or key takes back.")
+
+
+def write_replay_banner(heading: Heading, driver: str, at_end: bool) -> str:
+    """Return the banner of a recorded episode: whose it is, and at its last frame how it ended."""
+    place = f"{heading.env}, {heading.anatomy}, seed {heading.seed}, model {heading.model}"
+    if at_end and heading.end_reason:
+        mark = "✓ " if heading.is_success else "✗ "
+        text = END_TEXT.get(heading.end_reason, heading.end_reason)
+        return _banner("good" if heading.is_success else "bad", mark + text, place)
+    return _banner("go", f"Recorded: {driver} drives", place)
 
 
 def write_readings(frame: Frame) -> str:

@@ -13,7 +13,7 @@ import viser
 
 from evergym.errors import ConfigError
 
-__all__ = ["check_address", "start_server", "stop_server"]
+__all__ = ["check_address", "describe_address", "start_server", "stop_server"]
 
 
 def check_address(host: str, port: int) -> None:
@@ -52,6 +52,12 @@ def start_server(host: str, port: int, label: str) -> viser.ViserServer:
     server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(25, 113, 194))
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
     return server
+
+
+def describe_address(server: viser.ViserServer, host: str) -> str:
+    """Return the page's address as a browser on this machine takes it."""
+    name = "localhost" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host  # noqa: S104 (compared)
+    return f"http://{name}:{server.get_port()}"
 
 
 def stop_server(server: viser.ViserServer) -> None:
