@@ -14,7 +14,7 @@ STAMP := $(VENV)/.evergym-setup
 PIP := $(RUN)/python -m pip install --disable-pip-version-check $(if $(MAKE_TERMOUT),,--quiet)
 TORCH := $(shell grep -E '^torch==' constraints.txt)
 
-.PHONY: help setup test lint demo clean
+.PHONY: help setup test lint demo docs clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "make %-8s %s\n", $$1, $$2}'
@@ -42,6 +42,9 @@ test: lint  ## lint, types and all tests; ends with pytest's closing line
 
 demo: $(STAMP)  ## train, evaluate against the duty cycle, write a report (QUICK=1: a few minutes)
 	@$(RUN)/python -m evergym.agents.demo $(if $(filter-out 0,$(QUICK)),--quick)
+
+docs: $(STAMP)  ## build the documentation into build/site (SERVE=1: and serve it on 127.0.0.1:8000, anew on every change)
+	@$(RUN)/mkdocs $(if $(filter-out 0,$(SERVE)),serve --dev-addr 127.0.0.1:8000,build)
 
 clean:  ## remove what tests and builds leave behind (keeps .venv and runs)
 	@rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -23,3 +23,18 @@ hypothesis.settings.load_profile("evergym")
 def checkout() -> Path:
     """The folder that holds pyproject.toml."""
     return Path(__file__).resolve().parents[1]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """List what a documented command was replaced by in `tests/docs`: nothing is left out in silence."""
+    smaller = [
+        text
+        for report in terminalreporter.getreports("passed")
+        if isinstance(report, pytest.TestReport)
+        for name, text in report.user_properties
+        if name == "smaller instance"
+    ]
+    if smaller:
+        terminalreporter.section("documented commands that ran in a smaller instance")
+        for text in sorted(smaller):
+            terminalreporter.line(str(text))
