@@ -48,6 +48,19 @@ COMMANDS = {
     "dataset export-paper": CommandEntry(
         "evergym.discrepancy.commands", "DatasetExportPaper", "write the paper's figures as measured runs"
     ),
+    "plot workspace": CommandEntry(
+        "evergym.agents.plotting.commands", "PlotWorkspace", "draw where the tip gets to, over pull and pressure"
+    ),
+    "plot growth": CommandEntry(
+        "evergym.agents.plotting.commands", "PlotGrowth", "draw everted length and its rate over time"
+    ),
+    "plot force": CommandEntry(
+        "evergym.agents.plotting.commands", "PlotForce", "draw the contact force along the robot over an episode"
+    ),
+    "plot learning": CommandEntry("evergym.agents.plotting.commands", "PlotLearning", "draw learning curves of runs"),
+    "plot compare": CommandEntry(
+        "evergym.agents.plotting.commands", "PlotCompare", "draw an evaluation: success, time and forces of all arms"
+    ),
     "diagnose": CommandEntry("evergym.agents.diagnose", "Diagnose", "find what a model lacks, from measured runs"),
     "blind": CommandEntry(
         "evergym.discrepancy.blind.command", "Blind", "test the diagnosis on data in which an effect is hidden"

@@ -23,7 +23,7 @@ from evergym.agents.run_folder import RunFolder
 from evergym.agents.settings import parse_options
 from evergym.errors import ConfigError, RunError
 
-__all__ = ["Rollout"]
+__all__ = ["Rollout", "resolve_episode"]
 
 _COLUMNS = (  # (info key, heading, digits)
     ("time_s", "time [s]", 1),
@@ -67,7 +67,7 @@ class Rollout:
                 raise RunError(f"'{path}' exists already and is not overwritten. Choose another file.")
         if self.index < 0 or self.rows < 0:
             raise ConfigError(f"index and rows must be 0 or above; got {self.index} and {self.rows}.")
-        arm, name, options = self._resolve()
+        arm, name, options = resolve_episode(self.arm, self.env, self.env_options)
         pictures = self.gif is not None or self.png is not None
         env = make_env(name, {**options, "render_mode": "rgb_array"} if pictures else options)
         try:
@@ -82,19 +82,6 @@ class Rollout:
             _write_sheet(frames, self.png)
             print(f"Pictures: {self.png}")
         return 0
-
-    def _resolve(self) -> tuple[Arm, str, dict[str, Any]]:
-        name, options = self.env, self.env_options
-        if Path(self.arm).is_dir():
-            arm = find_run_arm(Path(self.arm))
-            trained = RunFolder.open(Path(self.arm)).settings
-            name = name or trained.env
-            options = trained.env_options if options is None else options
-        elif "/" in self.arm and ":" not in self.arm:
-            arm = find_run_arm(Path(self.arm))  # says that the folder is missing
-        else:
-            arm = find_controller_arm(self.arm)
-        return arm, resolve_env_id(name or "MammobotDuct-v0"), parse_options(options or ())
 
     def _run(
         self, arm: Arm, env: gymnasium.Env[Any, Any], pictures: bool
@@ -125,6 +112,30 @@ class Rollout:
             f"return {record.total_reward:.2f}, cost {record.cost:g}",
             highlight=False,
         )
+
+
+def resolve_episode(word: str, env: str | None, env_options: tuple[str, ...] | None) -> tuple[Arm, str, dict[str, Any]]:
+    """Return the arm, the environment's id and its arguments for one episode.
+
+    Args:
+        word: Controller or run folder, as in `Rollout`.
+        env: Environment id; None: that of the run, else MammobotDuct-v0.
+        env_options: Arguments as key=value; None: those of the run.
+
+    Raises:
+        ConfigError: no such controller or environment.
+        RunError: no such run.
+    """
+    if Path(word).is_dir():
+        arm = find_run_arm(Path(word))
+        trained = RunFolder.open(Path(word)).settings
+        env = env or trained.env
+        env_options = trained.env_options if env_options is None else env_options
+    elif "/" in word and ":" not in word:
+        arm = find_run_arm(Path(word))  # says that the folder is missing
+    else:
+        arm = find_controller_arm(word)
+    return arm, resolve_env_id(env or "MammobotDuct-v0"), parse_options(env_options or ())
 
 
 def _make_step_table(steps: list[Step], rows: int) -> Table:

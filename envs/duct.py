@@ -84,10 +84,10 @@ class MammobotDuctEnv(MammobotEnv):
     use the true pose.
 
     With ``observation="state+image"``: a dictionary of ``state``, the vector above, and ``endoscope``, ``Box(0, 255,
-    (64, 64, 3), uint8)``: what a camera at the tip sees of wall or pegs, its lamp's light falling off with the distance.
-    It looks along the tip direction over 100 degrees (prior), the tendon side up. A green ball, lit by itself, marks the
-    target where nothing hides it; with ``hide_map`` there is none. The camera is where the tip is: localisation noise
-    does not move it.
+    (64, 64, 3), uint8)``: what a camera at the tip sees of wall or pegs, its lamp's light falling off with distance.
+    It looks along the tip direction over 100 degrees (prior), the tendon side up. A green ball, lit by itself, marks
+    the target where nothing hides it; with ``hide_map`` there is none. The camera is where the tip is: localisation
+    noise does not move it.
 
     ## Reward
 

@@ -255,6 +255,8 @@ def draw_endoscope(
                 facing = -(dx * gradient[0] + dy * gradient[1] + dz * gradient[2]) / max(size, 1e-12)
                 facing = max(facing, 0.0)
                 ratio = lamp / max(depth, 0.1 * lamp)
+                if depth <= 0.0:  # the lens is in the tissue: all of the picture has its colour
+                    facing, ratio = 1.0, 1.0
                 light = ratio * ratio
                 shine = 0.12 * light * facing**24
                 for channel in range(3):

@@ -118,20 +118,20 @@ def test_every_view_shows_place_robot_and_target(
 
 
 def test_map_and_outside_agree_on_where_the_robot_is() -> None:
-    """Both show the insertion to the right: the robot's dark body grows to the right by the same length."""
+    """Both show the insertion to the right: what moves reaches as much farther right in the one as in the other."""
     growth = []
     for view in ("map", "outside"):
         env = gymnasium.make("evergym:MammobotPegs-v0", render_mode="rgb_array", view=view)
-        ends = []
         env.reset(seed=0, options={"index": 0})
-        for steps in (0, 30):
-            for _ in range(steps):
+        frames = [np.asarray(env.render())[40:300]]
+        for _ in range(2):
+            for _ in range(15):
                 env.step(PUSH)
-            dark = np.asarray(env.render())[40:300].max(axis=2) < 90
-            ends.append(int(np.flatnonzero(dark.any(axis=0)).max()))
-        growth.append(ends[1] - ends[0])
+            frames.append(np.asarray(env.render())[40:300])
+        ends = [np.flatnonzero((frames[k] != frames[k + 1]).any(axis=(0, 2))).max() for k in range(2)]
+        growth.append(int(ends[1] - ends[0]))
         env.close()
-    assert growth[0] > 40
+    assert growth[0] > 20
     assert abs(growth[0] - growth[1]) < 0.1 * growth[0]  # the outside view is turned a little
 
 

@@ -1,0 +1,89 @@
+"""The tip's workspace in free space: tendon pull by pressure, pulled and let go again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from evergym.agents.plotting.style import FULL_WIDTH_MM, make_shades, write_figure
+from evergym.model import load_model
+from evergym.simulator import Command, Simulator
+from evergym.units import DEG, KPA, MM
+from evergym.world import World
+
+__all__ = ["WorkspaceCurve", "draw_workspace", "measure_workspace"]
+
+Array = NDArray[np.float64]
+
+_PULL_SPEED = 2 * MM  # m/s; the environments' largest, which is a prior
+
+
+class WorkspaceCurve(NamedTuple):
+    """What pulling and letting go does at one pressure; SI units."""
+
+    pressure: float
+    pull: Array
+    """Up to the largest and back, shape (2 n - 1,)."""
+    tip: Array
+    """Along the insertion and towards the tendon, shape (2 n - 1, 2)."""
+    angle: Array
+    """Between the tip and the insertion, in the plane in which the tendon bends, shape (2 n - 1,)."""
+
+
+def measure_workspace(
+    model: str, everted_length_mm: float, pressures_kpa: Sequence[float], pull_count: int
+) -> tuple[WorkspaceCurve, ...]:
+    """Simulate one curve per pressure; gravity acts across the plane in which the tendon bends."""
+    robot = load_model(model)
+    pulls = np.linspace(0.0, robot.robot.tendon_max_pull_mm * MM, pull_count)
+    pulls = np.concatenate([pulls, pulls[-2::-1]])
+    hold = max(pulls[1] / _PULL_SPEED, 0.1)
+    simulator = Simulator(robot, World.free())
+    curves = []
+    for pressure_kpa in pressures_kpa:
+        pressure = pressure_kpa * KPA
+        simulator.reset(everted_length=everted_length_mm * MM, pressure=pressure)
+        tips, angles = [], []
+        for pull in pulls:
+            reading = simulator.advance(Command(tendon_pull=float(pull), pressure=pressure), hold)
+            tips.append(reading.tip_position[[2, 0]])
+            angles.append(np.arctan2(reading.tip_direction[0], reading.tip_direction[2]))
+        curves.append(WorkspaceCurve(pressure, pulls, np.array(tips), np.unwrap(angles)))
+    return tuple(curves)
+
+
+def draw_workspace(curves: Sequence[WorkspaceCurve], path: Path) -> Path:
+    """Draw the tip's places and its angle; returns the file."""
+
+    def draw(figure: Figure, axes: list[Axes]) -> None:
+        del figure
+        places, angles = axes
+        shades = make_shades()
+        for number, curve in enumerate(curves):
+            colour = shades(number / max(len(curves) - 1, 1))
+            turn = len(curve.pull) // 2
+            tip, pull, angle = curve.tip / MM, curve.pull / MM, curve.angle / DEG
+            for part, style in ((slice(0, turn + 1), "-"), (slice(turn, None), (0, (3, 1.5)))):
+                width = 1.2 if style == "-" else 0.8
+                places.plot(tip[part, 0], tip[part, 1], color=colour, linestyle=style, linewidth=width)
+                angles.plot(pull[part], angle[part], color=colour, linestyle=style, linewidth=width)
+            places.plot(*tip[: turn + 1 : 4].T, "o", color=colour, markersize=2.5, markeredgewidth=0.0)
+            angles.plot([], [], color=colour, label=f"{curve.pressure / KPA:g} kPa")
+        places.plot(0.0, 0.0, marker=">", color="black", markersize=5.0, clip_on=False)
+        places.annotate("port", (0.0, 0.0), xytext=(4, 5), textcoords="offset points", fontsize=7)
+        places.set(xlabel="along the insertion [mm]", ylabel="towards the tendon [mm]", title="Places of the tip")
+        places.set_aspect("equal", adjustable="datalim")
+        places.grid(visible=True)
+        angles.set(xlabel="tendon pull [mm]", ylabel="tip angle [°]", title="Steering")
+        angles.grid(visible=True)
+        angles.plot([], [], color="#555555", label="pulled")
+        angles.plot([], [], color="#555555", linestyle=(0, (3, 1.5)), linewidth=0.8, label="let go")
+        angles.legend(title="pressure", title_fontsize=7)
+
+    return write_figure(path, FULL_WIDTH_MM, 78.0, 2, 1, draw)
