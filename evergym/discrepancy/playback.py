@@ -31,8 +31,8 @@ SETTLING_STEPS = 4
 PRESSURE_STEP_S = 0.02
 """Step while the pressure changes under a growing robot: the law of growth takes the pressure at a step's end. With
 0.125 s and a jump every 2 s the everted length is 0.25 mm off at the most, so 0.01 mm."""
-PRESSURE_JUMP_KPA = 1.0
-"""Change of the set point from row to row that growth feels."""
+PRESSURE_JUMP_KPA, PRESSURE_JUMP_SHARE = 1.0, 0.05
+"""Change of the set point from row to row that growth feels, in a run of low pressures as a share of the largest."""
 SETTLING_TIMES = 3.0
 """Time constants of the pressure's lag after which it has settled: 5 % are left."""
 SPEED_STEP_S = 0.02
@@ -162,6 +162,7 @@ def find_pressure_settling(lag_s: float, run: Run) -> Array:
         return np.full(len(run.time_s), -np.inf)
     pressure = run.commands[:, COMMANDS.index("pressure_kpa")]
     jump = np.zeros(len(pressure), dtype=bool)
-    jump[1:] = np.abs(np.diff(pressure)) > PRESSURE_JUMP_KPA
+    felt = min(PRESSURE_JUMP_KPA, PRESSURE_JUMP_SHARE * float(np.max(np.abs(pressure))))
+    jump[1:] = np.abs(np.diff(pressure)) > felt
     settled: Array = np.maximum.accumulate(np.where(jump, run.time_s + SETTLING_TIMES * lag_s, -np.inf))
     return settled

@@ -63,7 +63,8 @@ class _Limits:
     setup: str
     pressures: tuple[float, float, float]
     pull: float
-    feed: float
+    insertion: float
+    """Everting 1 mm takes 2 mm of tail, so the catheter goes at half the tail's speed."""
     lengths: tuple[float, float]
     load: float
     gravity: tuple[float, float, float]
@@ -76,12 +77,15 @@ def list_profiles(dataset: Dataset, robot: RobotConfig) -> list[Profile]:
     commanded = np.concatenate([run.commands for run in dataset.runs])
     top = float(np.max(commanded[:, 4], initial=0.0)) or robot.pressure_max_kpa
     top = min(top, robot.pressure_max_kpa)
+    # The drives' limits are the model's unless the rig gives its own: not beyond what was commanded before, either.
+    pulled = float(np.max(np.abs(commanded[:, 3]), initial=0.0))
+    inserted, fed = (float(np.nanmax(np.abs(commanded[:, column]), initial=0.0)) for column in (0, 1))
     grown = 0.5 * robot.sheath_material_length_mm
     limits = _Limits(
         setup=setup,
         pressures=(0.4 * top, 0.7 * top, top) if setup != "catheter" else (0.0, 0.0, 0.0),
-        pull=robot.tendon_max_pull_mm if setup != "sheath" else 0.0,
-        feed=robot.feed_max_mm_s,
+        pull=min(robot.tendon_max_pull_mm, pulled or np.inf) if setup != "sheath" else 0.0,
+        insertion=min(0.5 * robot.feed_max_mm_s, max(inserted, 0.5 * fed) or np.inf),
         lengths=(0.4 * grown, 0.8 * grown),
         load=float(np.max(np.abs(commanded[:, 5:8]), initial=0.0)),
         gravity=dataset.runs[0].gravity,
@@ -109,7 +113,7 @@ def _write_scripts(limits: _Limits) -> Iterator[tuple[str, _Script, float]]:
             yield f"tip load up and down at {p:.0f} kPa and {pull:.1f} mm of pull", script, limits.lengths[1]
     if limits.setup == "catheter":
         return
-    for p, v in itertools.product((low, middle, high), (0.35 * limits.feed, 0.8 * limits.feed)):
+    for p, v in itertools.product((low, middle, high), (0.5 * limits.insertion, limits.insertion)):
         script = _Script().hold(0.6, pressure_kpa=p).hold(8.0, insertion_mm_s=v).hold(1.0, insertion_mm_s=0.0)
         yield f"growing straight at {p:.0f} kPa, fed at {v:.1f} mm/s", script, 0.3 * limits.lengths[0]
         if limits.pull > 0.0:
@@ -124,8 +128,9 @@ def _write_scripts(limits: _Limits) -> Iterator[tuple[str, _Script, float]]:
         script = _Script().ramp(1.0, tendon_pull_mm=pull).hold(12.0, pressure_kpa=high).hold(8.0, pressure_kpa=low)
         yield f"long holds of the pressure at {length:.0f} mm and {pull:.1f} mm of pull", script, length
     for p in (low, high):
-        script = _Script().hold(0.6, pressure_kpa=p).hold(5.0, insertion_mm_s=0.6 * limits.feed)
-        script.hold(1.0, insertion_mm_s=0.0).hold(4.0, insertion_mm_s=-0.5 * limits.feed).hold(1.0, insertion_mm_s=0.0)
+        v = limits.insertion
+        script = _Script().hold(0.6, pressure_kpa=p).hold(5.0, insertion_mm_s=v).hold(1.0, insertion_mm_s=0.0)
+        script.hold(4.0, insertion_mm_s=-0.8 * v).hold(1.0, insertion_mm_s=0.0)
         yield f"growing and retracting at {p:.0f} kPa", script, limits.lengths[0]
 
 

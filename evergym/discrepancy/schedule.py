@@ -30,7 +30,11 @@ REST_FACTOR = 2.0
 """Under commands that rest, the robot in free space is followed in steps longer by this factor."""
 JITTER = (0.02, 0.02, 0.1, 0.01, 0.05, 2e-4, 2e-4, 2e-4)
 """Changes of each command, in its unit, that are no event: rounding of a ramp, noise of a logged set point. They move
-the tip by less than 0.1 mm."""
+the tip of the default robot by less than 0.1 mm."""
+JITTER_RANGE = (2.9, 5.8, 180.0, 4.9, 50.0, 0.02, 0.02, 0.02)
+"""Commands of that robot. In a run with less than a quarter of them at the most, or more than four times, the jitter is
+in proportion, but not below a tenth: where nothing much is commanded, noise is all there is. A roll stays a roll."""
+JITTER_SPAN, JITTER_LEAST = 4.0, 0.1
 RATES = [COMMANDS.index("insertion_mm_s"), COMMANDS.index("tail_feed_mm_s")]
 
 
@@ -55,8 +59,9 @@ def find_events(commands: Array) -> NDArray[np.bool_]:
     event = np.zeros(count, dtype=bool)
     event[:1] = True
     filled = np.where(np.isnan(commands), np.inf, commands)
-    for column, jitter in zip(filled.T, JITTER, strict=True):
+    for number, column in enumerate(filled.T):
         finite = np.isfinite(column)
+        jitter = JITTER[number] * _scale_jitter(number, float(np.max(np.abs(column), initial=0.0, where=finite)))
         event[1:] |= finite[1:] != finite[:-1]
         change = np.zeros(count)
         change[1:] = np.diff(np.where(finite, column, 0.0))
@@ -64,6 +69,16 @@ def find_events(commands: Array) -> NDArray[np.bool_]:
         size = np.maximum(np.abs(change), np.abs(before))
         event |= np.abs(change - before) > STEADY_SHARE * size + jitter
     return event
+
+
+def _scale_jitter(number: int, top: float) -> float:
+    """Return the jitter of a command, relative to the default robot's, in a run that commands ``top`` at the most."""
+    if number == COMMANDS.index("roll_deg"):
+        return 1.0
+    share = top / JITTER_RANGE[number]
+    if share > JITTER_SPAN:
+        return share / JITTER_SPAN
+    return max(min(share * JITTER_SPAN, 1.0), JITTER_LEAST)
 
 
 @functools.lru_cache(maxsize=512)  # a fit plays the same runs thousands of times
