@@ -44,7 +44,7 @@ demo: $(STAMP)  ## train, evaluate against the duty cycle, write a report (QUICK
 	@$(RUN)/python -m evergym.agents.demo $(if $(filter-out 0,$(QUICK)),--quick)
 
 docs: $(STAMP)  ## build the documentation into build/site (SERVE=1: and serve it on 127.0.0.1:8000, anew on every change)
-	@$(RUN)/mkdocs $(if $(filter-out 0,$(SERVE)),serve --dev-addr 127.0.0.1:8000,build)
+	@NO_MKDOCS_2_WARNING=1 $(RUN)/mkdocs $(if $(filter-out 0,$(SERVE)),serve --dev-addr 127.0.0.1:8000,build)
 
 clean:  ## remove what tests and builds leave behind (keeps .venv and runs)
 	@rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -10,6 +10,7 @@ import pytest
 from evergym.agents.cli import COMMANDS, main
 from evergym.agents.env_pages import split_sections
 from evergym.agents.generated_pages import compose_generated_pages, find_stale_pages
+from evergym.agents.play.readout import KEYS
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FETCHED = re.compile(r"<(?:script|link|img|iframe|source)\b[^>]*?\b(?:src|href)=[\"']?(?:https?:)?//", re.IGNORECASE)
@@ -58,6 +59,12 @@ def test_every_argument_of_an_environment_is_explained() -> None:
             named = re.findall(r"^\| `(\w+)` \|.*\| see above \|$", table, re.MULTILINE)
             assert named, name
             assert [argument for argument in named if f"`{argument}`" not in above] == [], name
+
+
+def test_every_key_of_the_player_is_listed() -> None:
+    text = (CHECKOUT / "docs" / "play.md").read_text("utf-8")
+    rows = [f"| {key} | {back} | {meaning} |".replace("|  |", "| |") for key, back, meaning in KEYS]
+    assert [row for row in rows if row not in text] == []
 
 
 def test_command_writes_and_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,7 +35,10 @@ PAGES = ["README.md", *sorted(str(path.relative_to(CHECKOUT)) for path in (CHECK
 RUN = {"python", "bash", "toml", "json"}
 SHOWN = {"text", "csv"}
 """Languages of blocks that are only shown."""
-LONG = {"train", "evaluate", "tune", "identify", "validate", "bench", "scenario", "soak", "diagnose", "blind", "play"}
+LONG = {
+    *("train", "evaluate", "tune", "identify", "validate", "bench", "scenario", "soak", "diagnose", "blind"),
+    *("play", "replay", "rehearse"),
+}
 """Commands that may take minutes: a block with one must say what runs instead."""
 STAND_INS = {
     "evergym dataset check DIR": {
