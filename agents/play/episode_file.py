@@ -77,7 +77,7 @@ def read_episode(path: Path) -> Episode:
         hint = suggest(path.name, near) if near else "."
         raise RunError(f"There is no episode '{path}'{hint}")
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays: Arrays = {name: stored[name] for name in stored.files}
         heading = json.loads(str(arrays["heading"]))
         schema = heading.pop("schema")

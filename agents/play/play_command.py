@@ -11,7 +11,7 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evergym.errors import EvergymError, RunError
+from evergym.errors import ConfigError, EvergymError, RunError
 
 if TYPE_CHECKING:
     from evergym.agents.play.player import Player
@@ -39,6 +39,8 @@ class Play:
     """Seed of target and noise."""
     policy: Path | None = None
     """Run folder of a trained policy that can drive as well."""
+    speed: int = 1
+    """How many times faster than real time it begins with: 1, 2, 4 or 8."""
     host: str = "127.0.0.1"
     """Address to serve at; the default is seen by this machine only."""
     port: int = 8080
@@ -81,7 +83,7 @@ class Play:
         return 0
 
     def _make_player(self) -> Player:
-        from evergym.agents.play.player import Player
+        from evergym.agents.play.player import SPEEDS, Player
         from evergym.agents.play.session import Session
         from evergym.agents.run_folder import RunFolder
         from evergym.agents.settings import parse_options
@@ -93,6 +95,8 @@ class Play:
             texts = trained.env_options if texts is None else texts
         if self.folder.exists() and not self.folder.is_dir():
             raise RunError(f"--folder '{self.folder}' is a file. Choose a folder.")
+        if self.speed not in SPEEDS:
+            raise ConfigError(f"--speed is {self.speed}; it must be one of {', '.join(map(str, SPEEDS))}.")
         options = parse_options(texts or ())
         if self.model is not None:
             options["model"] = self.model
@@ -101,7 +105,9 @@ class Play:
         reset: dict[str, Any] = {"duct": str(self.mesh)} if self.mesh is not None else {"index": self.index}
         if self.family is not None and self.mesh is None:
             reset["family"] = self.family
-        return Player(session, self.folder, seed=self.seed, options=reset)
+        player = Player(session, self.folder, seed=self.seed, options=reset)
+        player.speed = self.speed
+        return player
 
 
 def open_browser(address: str, wanted: bool) -> None:

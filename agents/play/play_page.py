@@ -131,7 +131,7 @@ class PlayPage:
             self._button("Pause / go on (P)", player.pause, icon=viser.Icon.PLAYER_PAUSE)
             self._button("Save (T)", player.save, icon=viser.Icon.DEVICE_FLOPPY)
             every = gui.add_checkbox("Save every episode at its end", player.save_all)
-            speed = gui.add_dropdown("Speed", tuple(f"{value} x" for value in SPEEDS), initial_value="1 x")
+            speed = gui.add_dropdown("Speed", tuple(f"{value} x" for value in SPEEDS), initial_value=f"{player.speed} x")
             self._pace = gui.add_html("")
         with gui.add_folder("Anatomy"):
             family = str(anatomy.get("anatomy_family"))
