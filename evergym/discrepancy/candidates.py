@@ -17,7 +17,7 @@ from evergym.discrepancy.space import Axis
 from evergym.effects.catalogue import EFFECTS
 from evergym.model import Model
 
-__all__ = ["Candidate", "find_candidates", "is_off", "make_candidate"]
+__all__ = ["ROUNDING_FINE", "Candidate", "find_candidates", "is_off", "make_candidate", "with_frequencies"]
 
 Array = NDArray[np.float64]
 
@@ -25,8 +25,13 @@ MAGNITUDES = (1.0, 0.25)
 """Strengths at which an effect is tried first, in units of its typical one: dead bands are silent at small ones."""
 TURN_DEG = 45.0
 """Scale of a direction in a fit [deg]."""
-GRID_HZ, GRID_COUNT = 0.1, 20
-"""Frequencies are tried on a grid: those of runs of 10 s are that sharp."""
+SCALE_HZ = 0.1
+"""Scale of a frequency in a fit [Hz]."""
+ROUNDING_EFFECT = "angle_quantisation"
+ROUNDING = tuple(0.05 * k for k in range(4, 51))
+"""Steps of a rounded reading that are tried, in units of the typical one: only the true one has the true levels."""
+ROUNDING_FINE = tuple(1.0 + 0.002 * k for k in range(-20, 21))
+"""Multiples of the best of them that are tried next."""
 SHAPES = (0.0, -1.2, 2.0)
 """Starts of a parameter that shapes an effect: typical, 0.4 and 2 times as much."""
 TYPICAL_SCALES = {
@@ -54,6 +59,7 @@ class Candidate:
         amplitudes: Paths of the parameters that switch it off.
         signed: Whether all amplitudes may be negative.
         strong: Number of starts, the first ones, at full strength.
+        rounds: Whether it rounds what is read: strengths are then tried on a fine grid, since no gradient leads there.
     """
 
     name: str
@@ -64,6 +70,7 @@ class Candidate:
     amplitudes: tuple[str, ...]
     signed: bool
     strong: int
+    rounds: bool = False
 
     @property
     def size(self) -> int:
@@ -106,7 +113,26 @@ def make_candidate(name: str) -> Candidate:
     switches = {path: not value for path, value in off.items() if isinstance(value, bool)}
     fitted = {path: None for path in fitted if path not in switches}
     fixed = {path: value for path, value in typical.items() if path not in fitted} | switches
-    return _build(name, {path: find_info(path) for path in fitted}, off, typical, fixed, tuple(info.partners))
+    candidate = _build(name, {path: find_info(path) for path in fitted}, off, typical, fixed, tuple(info.partners))
+    if name != ROUNDING_EFFECT:
+        return candidate
+    starts = tuple((z,) for z in reversed(ROUNDING))
+    return dataclasses.replace(candidate, starts=starts, strong=len(starts), rounds=True)
+
+
+def with_frequencies(candidate: Candidate, frequencies: Sequence[float]) -> Candidate:
+    """Return the candidate with starts at these frequencies [Hz] besides its own; itself if it has no frequency."""
+    place = next((i for i, axis in enumerate(candidate.axes) if axis.path.endswith("_hz")), None)
+    if place is None:
+        return candidate
+    axis = candidate.axes[place]
+    moved = []
+    for frequency in frequencies:
+        z = list(candidate.starts[0])
+        z[place] = (frequency - axis.origin) / axis.scale
+        moved.append(tuple(z))
+    starts = (*candidate.starts, *moved)
+    return dataclasses.replace(candidate, starts=starts, strong=len(starts))
 
 
 def _build(
@@ -144,7 +170,7 @@ def _make_axis(path: str, info: ParameterInfo, off: object, typical: object) -> 
         scale = value - zero if value != zero else TYPICAL_SCALES.get(path, _default_scale(low, high, zero))
         return Axis(path, zero, scale, low, high, tolerance=30.0, step=0.1)
     if path.endswith("_hz"):
-        return Axis(path, value, GRID_HZ, low, high, tolerance=np.inf, step=0.1)
+        return Axis(path, value, SCALE_HZ, low, high, tolerance=np.inf, step=0.05)
     if path.endswith("direction_deg"):
         return Axis(path, value, TURN_DEG, low - 360.0, high + 360.0, tolerance=np.inf, step=0.2, turns=True)
     scale = 0.5 * abs(value) or _default_scale(low, high, value)
@@ -190,7 +216,7 @@ def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool], together: Sequ
 
 def _shape_starts(axis: Axis, signed: bool) -> tuple[float, ...]:
     if axis.path.endswith("_hz"):
-        return tuple((k * GRID_HZ - axis.origin) / axis.scale for k in range(1, GRID_COUNT + 1))
+        return (0.0,)
     if axis.path.endswith("direction_deg"):
         return (0.0, 2.0) if signed else (0.0, 2.0, 4.0, -2.0)
     return SHAPES

@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.columns import CHANNELS
+from evergym.model import Model
 from evergym.simulator import Reading, Simulator
 from evergym.units import DEG, KPA, MM
 
-__all__ = ["convert_reading", "measure_angle", "read_channels"]
+__all__ = ["convert_reading", "measure_angle", "quantise_angles", "read_channels"]
 
 Array = NDArray[np.float64]
+
+CURVATURE, TIP_ANGLE = CHANNELS.index("curvature_1_per_m"), CHANNELS.index("tip_angle_deg")
 
 
 def read_channels(simulator: Simulator, signed: bool = False) -> Array:
@@ -26,17 +29,18 @@ def read_channels(simulator: Simulator, signed: bool = False) -> Array:
     The sensor effects act here: `pressure_bias` shifts what the gauge reads (the simulator shifts the pressure itself,
     since the regulator trusts the gauge), `angle_quantisation` rounds the tip's angle, and with it the curvature.
     """
-    return convert_reading(simulator, simulator.reading, signed)
+    row = convert_reading(simulator, simulator.reading, signed)
+    quantised: Array = quantise_angles(row[None, :], simulator.model)[0]
+    return quantised
 
 
 def convert_reading(simulator: Simulator, reading: Reading, signed: bool = False) -> Array:
-    """Return what the instruments read at ``reading``, which is the simulator's present one; see `read_channels`."""
+    """Return `read_channels` at ``reading``, which is the simulator's present one, before its angles are quantised."""
     state = simulator.state
     free_length = float(state.length[: int(state.links[0])].sum())
     tip_angle = measure_angle(reading.tip_direction, signed)
     chord_angle = measure_angle(reading.tip_position, signed)
     effects = simulator.model.effects
-    tip_angle = effects.angle_quantisation.read(tip_angle)
     channels = np.empty(len(CHANNELS))
     channels[0:3] = reading.tip_position
     channels[0:3] /= MM
@@ -47,6 +51,20 @@ def convert_reading(simulator: Simulator, reading: Reading, signed: bool = False
     channels[7] = chord_angle
     channels[8] = reading.pressure / KPA + effects.pressure_bias.bias_kpa
     return channels
+
+
+def quantise_angles(channels: Array, model: Model) -> Array:
+    """Return channels (k, 9) with the tip's angle, and with it the curvature, read to the model's whole steps."""
+    quantisation = model.effects.angle_quantisation
+    if quantisation.step_deg == 0.0:
+        return channels
+    out = channels.copy()
+    for row in out:
+        exact = float(row[TIP_ANGLE])
+        if math.isfinite(exact):
+            row[TIP_ANGLE] = quantisation.read(exact)
+            row[CURVATURE] *= row[TIP_ANGLE] / exact if exact != 0.0 else 1.0
+    return out
 
 
 def measure_angle(direction: Array, signed: bool) -> float:

@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from evergym.discrepancy.alignment import align_dataset
 from evergym.discrepancy.calibrate import calibrate, find_sensitivity, refine
 from evergym.discrepancy.candidates import find_candidates
-from evergym.discrepancy.choose import choose_effects
+from evergym.discrepancy.choose import Choice, choose_effects
 from evergym.discrepancy.dataset import Dataset, load_dataset
 from evergym.discrepancy.diagnosis import Diagnosis, write_json
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.findings import describe_effects, list_candidates
+from evergym.discrepancy.fit import evaluate_fit
 from evergym.discrepancy.gap import measure_gap
 from evergym.discrepancy.hold_out import choose_held_out
 from evergym.discrepancy.hook import UserEffect, load_user_effects
@@ -39,7 +40,7 @@ from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
 from evergym.discrepancy.setting import Setting
-from evergym.discrepancy.verdict import Thresholds, Verdict, decide, is_excited, worst_cell
+from evergym.discrepancy.verdict import NamedEffect, Thresholds, Verdict, decide, is_excited, worst_cell
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model, save_model
 
@@ -150,34 +151,35 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
 
     tell("screening", 0.25)
     candidates = find_candidates(model, predictor.user_effects)
-    screenings = screen_candidates(predictor, calibration.fit, candidates)
-    signatures = rank_candidates(calibration.fit, screenings, split.use)
+    space = sensitivity.space
+    reference = evaluate_fit(predictor, space, np.zeros(space.size), sensitivity.jacobian)
+    screenings = screen_candidates(predictor, reference, candidates, split.use)
+    signatures = rank_candidates(reference, screenings, split.use)
     classes = group_equivalent(signatures, split.use)
     excited = is_excited(signatures, thresholds)
 
     tell("fits", 0.5)
-    chosen: Score = base
-    rivals: list[Score] = []
+    choice = Choice(base, (), ())
     if worst_cell(cells) >= thresholds.cell_min:
-        chosen, rivals = choose_effects(predictor, base, signatures, screenings, split, thresholds, draw_map)
+        choice = choose_effects(predictor, base, reference, signatures, screenings, split, thresholds, draw_map)
+    chosen = choice.best
     cells_after = draw_map(chosen)
     verdict = decide(base, chosen, cells, cells_after, excited, thresholds)
     if verdict not in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):
         chosen, cells_after = base, cells
+        choice = dataclasses.replace(choice, best=base)
 
     tell("intervals", 0.85)
     everything = Split(np.ones(measurement.size, dtype=bool), tuple(range(len(measurement.experiments))), ())
     final = score_fit(predictor, refine(predictor, chosen.fit, everything.use), everything, chosen.effects)
-    effects, parameters = describe_effects(base, chosen, final, rivals, classes, thresholds)
+    effects, parameters = describe_effects(base, choice, final, classes, thresholds)
     held_out = np.isin(measurement.experiment, split.held_out)
     predictions = calibration.nominal, base.fit.prediction, chosen.fit.prediction
     gap = measure_gap(dataset, measurement, held_out, *predictions) if held_out.any() else None
 
     tell("next experiment", 0.92)
-    rows = list_candidates(base, candidates, signatures, rivals, excited)
-    upcoming = plan_next(
-        predictor, noise, model, chosen, rivals, [name for effect in effects[:1] for name in effect.equivalents]
-    )
+    rows = list_candidates(base, candidates, signatures, choice.rivals, excited)
+    upcoming = plan_next(predictor, noise, model, choice, effects)
     corrected = final.fit.space.setting(final.fit.z).model
     diagnosis = Diagnosis(
         verdict=verdict,
@@ -207,7 +209,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         base=base,
         signatures=tuple(signatures),
         classes=classes,
-        rivals=tuple(rivals),
+        rivals=choice.rivals,
         chosen=chosen,
         final=final,
         upcoming=upcoming,
@@ -230,21 +232,20 @@ def map_disagreement(dataset: Dataset, measurement: Measurement, score: Score, s
 
 
 def plan_next(
-    predictor: Predictor,
-    noise: NoiseModel,
-    model: Model,
-    chosen: Score,
-    rivals: Sequence[Score],
-    equivalents: Sequence[str],
+    predictor: Predictor, noise: NoiseModel, model: Model, choice: Choice, effects: Sequence[NamedEffect]
 ) -> NextExperiment | None:
-    """Return the experiment that separates the chosen effect from those that explain the data as well."""
-    fits = [rival.fit for rival in rivals if rival.effects[0].name in equivalents]
-    if not chosen.effects or not fits:
-        return None
-    best = next(rival for rival in rivals if rival.effects[0] is chosen.effects[0])
-    why = f"separates {chosen.effects[0].name} from {' and '.join(equivalents)}"
-    profiles = list_profiles(predictor.dataset, model.robot)
-    return choose_next(predictor, noise, profiles, best.fit, fits, why)
+    """Return the experiment that separates the first effect with ties from those that explain the data as well."""
+    for effect in effects:
+        fits = [
+            contender.fit
+            for contender in choice.contenders
+            if {other.name for other in contender.effects} & set(effect.equivalents)
+        ]
+        if fits:
+            why = f"separates {effect.name} from {' and '.join(effect.equivalents)}"
+            profiles = list_profiles(predictor.dataset, model.robot)
+            return choose_next(predictor, noise, profiles, choice.best.fit, fits, why)
+    return None
 
 
 class _Progress:

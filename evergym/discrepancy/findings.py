@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from evergym.discrepancy.candidates import Candidate
+from evergym.discrepancy.choose import Choice
 from evergym.discrepancy.diagnosis import CandidateRow
 from evergym.discrepancy.interval import Interval, estimate_intervals
 from evergym.discrepancy.screen import Signature
@@ -21,26 +22,18 @@ __all__ = ["describe_effects", "list_candidates"]
 
 
 def describe_effects(
-    base: Score,
-    chosen: Score,
-    final: Score,
-    rivals: Sequence[Score],
-    classes: Mapping[str, Sequence[str]],
-    thresholds: Thresholds,
+    base: Score, choice: Choice, final: Score, classes: Mapping[str, Sequence[str]], thresholds: Thresholds
 ) -> tuple[tuple[NamedEffect, ...], dict[str, list[Interval]]]:
     """Return the effects of the chosen model with confidence, share and equivalents, and their parameters."""
     names: list[NamedEffect] = []
     parameters: dict[str, list[Interval]] = {}
+    chosen = choice.best
     share = explained_share(base, chosen)
-    others = [rival for rival in rivals if rival.effects[0] not in chosen.effects]
     for position, effect in enumerate(chosen.effects):
-        alone = next((rival for rival in rivals if rival.effects == (effect,)), None)
-        if position == 0 and alone is not None:
-            equivalents = find_equivalents(alone, others, classes, thresholds)
-            confidence = estimate_confidence(share, alone, others)
-        else:
-            equivalents, confidence = (), estimate_confidence(share, chosen, ())
+        alone = next((rival for rival in choice.rivals if rival.effects == (effect,)), None)
         own = share if len(chosen.effects) == 1 or alone is None else explained_share(base, alone)
+        equivalents = find_equivalents(chosen, position, choice.contenders, classes, thresholds)
+        confidence = estimate_confidence(share, chosen, position, choice.contenders)
         names.append(NamedEffect(effect.name, confidence, own, equivalents))
         paths = {axis.path for axis in effect.axes}
         first = min((i for i, axis in enumerate(final.fit.space.axes) if axis.path in paths), default=None)

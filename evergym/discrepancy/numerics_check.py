@@ -16,8 +16,10 @@ __all__ = ["NumericsCheck", "choose_fidelities"]
 
 Array = NDArray[np.float64]
 
-ERROR_MAX = 0.5
-"""Largest rms difference from the finest simulation [sigma], in any channel, of the fidelity that a run is given."""
+ERROR_MAX = {Fidelity.FAST: 0.75, Fidelity.STANDARD: 1.5}
+"""Largest rms difference from the finest simulation [sigma], in any channel, at which a run is given a fidelity. The
+difference counts as an error with a known course, so it may be as large as the noise; the finest costs twenty times as
+much as the fast one."""
 SPREAD = 0.75
 """One standard deviation of what discretisation does to a sample, as a share of the largest difference between
 fidelities. It does not fall steadily: where a stiff part ends within a section depends on where the sections lie."""
@@ -47,7 +49,7 @@ def choose_fidelities(predictor: Predictor, setting: Setting) -> NumericsCheck:
         fidelity, error = Fidelity.FINE, 0.0
         for candidate, difference in tried.items():
             worst = _worst(predictor, difference, index)
-            if worst <= ERROR_MAX:
+            if worst <= ERROR_MAX[candidate]:
                 fidelity, error = candidate, worst
                 break
         predictor.fidelities[index] = fidelity

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evergym.discrepancy.channels import quantise_angles
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Dataset, Run
 from evergym.discrepancy.hook import UserEffect
 from evergym.discrepancy.noise import find_repeats
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.rig import Fidelity
-from evergym.discrepancy.setting import Setting
+from evergym.discrepancy.setting import Setting, without_rounding
 from evergym.discrepancy.simulate import Prediction
 from evergym.discrepancy.workers import Workers, simulate_setting
 
@@ -130,15 +131,15 @@ class Predictor:
 
     def _key(self, setting: Setting, index: int, fidelity: Fidelity | None) -> tuple[Setting, int, Fidelity]:
         index = self._twin[index]  # repeats are one simulation
-        return setting, index, self.fidelities[index] if fidelity is None else fidelity
+        return without_rounding(setting), index, self.fidelities[index] if fidelity is None else fidelity
 
     def _predict_run(self, setting: Setting, index: int, fidelity: Fidelity | None) -> Array:
         key = self._key(setting, index, fidelity)
         table = self._cache.get(key)
         if table is None:
-            prediction = simulate_setting(setting, self.dataset.runs[key[1]], key[2], self.user_effects)
+            prediction = simulate_setting(key[0], self.dataset.runs[key[1]], key[2], self.user_effects)
             table = self._keep(key, prediction)
-        return table
+        return quantise_angles(table, setting.model)
 
     def _prefetch(self, wanted: Iterable[tuple[Setting, int]], fidelity: Fidelity | None) -> None:
         if not self._workers.active:

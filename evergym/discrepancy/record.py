@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import convert_reading
+from evergym.discrepancy.channels import convert_reading, quantise_angles
 from evergym.discrepancy.columns import COMMANDS
 from evergym.discrepancy.dataset import Run
 from evergym.errors import ConfigError
@@ -86,7 +86,7 @@ class Recorder:
             raise ConfigError(f"Run '{run_id}' holds no step. Advance the simulator before finishing the record.")
         time = np.array(self._time)
         commands = np.array([*self._commands, self._commands[-1]])
-        measured = np.array(self._channels)
+        measured = quantise_angles(np.array(self._channels), self.simulator.model)
         if _differs(self._rest, commands[0]):
             time = np.concatenate(([time[0] - REST], time))
             commands = np.concatenate((self._rest[None], commands))

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.candidates import Candidate
+from evergym.discrepancy.candidates import ROUNDING_FINE, Candidate, with_frequencies
 from evergym.discrepancy.fit import Fit, solve_normal
+from evergym.discrepancy.periodogram import find_frequencies
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.space import Space
 
@@ -33,6 +34,8 @@ SEARCH = ((0.4, 1.0, 2.5), (0.65, 1.5))
 """Multiples of the strength that are tried before a fit, round by round."""
 HOPELESS = 0.15
 """A strength whose gain stays below this share of the best candidate's is not searched any further."""
+FREQUENCIES = 4
+"""Peaks of the residuals' spectrum at which what ripples is tried."""
 LOUD = 1e-3
 """Norm [sigma] of a change that is one."""
 COSINE_MIN = 0.95
@@ -133,16 +136,19 @@ class Projector:
         return 0.5 * float(rest @ rest + self.precision @ (z + step) ** 2)
 
 
-def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Candidate]) -> list[Screening]:
+def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Candidate], use: Mask) -> list[Screening]:
     """Simulate every candidate at each of its starts, in the recalibrated model.
 
     Args:
         predictor: Simulations.
         base: The recalibrated model.
         candidates: Effects that may be missing.
+        use: Samples that may be looked at, (n,).
     """
+    measurement = predictor.measurement
+    swings = find_frequencies(predictor.dataset, measurement, measurement.scale(base.residual), use, FREQUENCIES)
     screenings = []
-    for candidate in candidates:
+    for candidate in (with_frequencies(candidate, swings) for candidate in candidates):
         space = base.space.extend(candidate.axes, candidate.fixed)
         columns = simulate_changes(predictor, base, space, candidate, candidate.starts, screening=True)
         pairs = zip(candidate.starts, columns, strict=True)
@@ -173,7 +179,9 @@ def rank_candidates(fit: Fit, screenings: Sequence[Screening], use: Mask) -> lis
                 continue
             projected = projector.project(column)
             kept = min(float(np.linalg.norm(projected[use])) / norm, 1.0)
-            gain, stretch = projector.gain(column, candidate.signed)
+            gain, stretch = (
+                (projector.exact_gain(column), 1.0) if candidate.rounds else projector.gain(column, candidate.signed)
+            )
             begin = np.array(start)
             for i, axis in enumerate(candidate.axes):
                 if axis.path in candidate.amplitudes:
@@ -242,7 +250,16 @@ def _search(
     amplitude = np.array([axis.path in candidate.amplitudes for axis in candidate.axes], dtype=bool)
     if not amplitude.any():
         return Strength(signature.start, signature.gain)
-    starts = [np.clip(np.where(amplitude, factor * strength.z, strength.z), *limits) for factor in factors]
+    factors = ROUNDING_FINE if candidate.rounds else factors
+    subsets = [amplitude]
+    if np.isfinite(strength.gain) and amplitude.sum() > 1:  # what acts in two ways may do so in another proportion
+        subsets += [np.arange(candidate.size) == place for place in np.flatnonzero(amplitude)]
+    starts = [
+        np.clip(np.where(subset, factor * strength.z, strength.z), *limits)
+        for subset in subsets
+        for factor in factors
+        if np.any(strength.z[subset] != 0.0)
+    ]
     columns = simulate_changes(predictor, base, space, candidate, starts)
     tried = [Strength(z, projector.exact_gain(column)) for z, column in zip(starts, columns, strict=True)]
     return max(strength, *tried, key=lambda one: one.gain)

@@ -15,17 +15,17 @@ from evergym.discrepancy.fit import Fit, fit_space, whitened_residual
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.screen import Signature, search_strengths
 
-__all__ = ["Score", "Split", "fit_candidates", "score_fit"]
+__all__ = ["Score", "Split", "extend_score", "fit_candidates", "rank_score", "score_fit"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FIRST_ITERATIONS, ITERATIONS = 2, 4
 """Steps of a fit before the race is judged, and after."""
-REFINE_FACTOR = 3.0
-"""Candidates within this factor of the best one's excess are fitted to the end, and the first of them get a Jacobian
+RACE_FACTOR, REFINE_FACTOR = 8.0, 5.0
+"""Candidates within these factors of the best one's excess are fitted to the end, and the first of them get a Jacobian
 of their own before they are scored."""
-REFINED_MAX = 2
+REFINED_MAX = 3
 FITTED_MIN, WORTH = 2, 0.12
 """Candidates whose signature takes less than this share of the best one's off the residual are not fitted, but for two:
 a signature is near enough to the truth for that."""
@@ -116,28 +116,30 @@ def score_fit(
 
 
 def fit_candidates(
-    predictor: Predictor, base: Score, signatures: Sequence[Signature], split: Split, count: int
+    predictor: Predictor, base: Score, reference: Fit, signatures: Sequence[Signature], split: Split, count: int
 ) -> list[Score]:
     """Fit the most promising candidates on top of ``base`` and return their scores, best first.
 
     Args:
         predictor: Simulations.
-        base: The recalibrated model, or one with effects in already.
+        base: The recalibrated model, or one with effects in already: what a candidate must be better than.
+        reference: Where the fits begin, with the same unknowns: the model as given, whose nominal parameters are about
+            right once the effect is in. Those of the recalibrated model are bent to make up for it.
         signatures: Of the candidates, the most promising first.
         split: Samples that choose.
         count: Candidates to fit at most.
     """
-    found = search_strengths(predictor, base.fit, signatures[: count + SPARE], split.use)
+    found = search_strengths(predictor, reference, signatures[: count + SPARE], split.use)
     worth = [pair for rank, pair in enumerate(found) if rank < FITTED_MIN or pair[0].gain > WORTH * found[0][0].gain]
     fits = [
-        (_begin_fit(predictor, base.fit, signature.candidate, strength.z, split.use), signature)
+        (_begin_fit(predictor, reference, signature.candidate, strength.z, split.use), signature)
         for strength, signature in worth[:count]
     ]
     # A race: who is far behind after the first steps stays as it is.
     fits.sort(key=_cost)
     fits = [
         (_continue_fit(predictor, fit, signature.candidate, split.use), signature)
-        if _is_near(fit, fits[0][0], split.use, REFINE_FACTOR)
+        if _is_near(fit, fits[0][0], split.use, RACE_FACTOR)
         else (fit, signature)
         for fit, signature in fits
     ]
@@ -152,7 +154,14 @@ def fit_candidates(
         score_fit(predictor, fit, split, (*base.effects, signature.candidate), signature, base)
         for fit, signature in fits
     ]
-    return sorted(scores, key=_rank)
+    return sorted(scores, key=rank_score)
+
+
+def extend_score(predictor: Predictor, score: Score, candidate: Candidate, strength: Array, split: Split) -> Score:
+    """Return the score of a fitted model with one more effect, fitted from a given strength z of it, (m,)."""
+    fit = _begin_fit(predictor, score.fit, candidate, strength, split.use, score.effects[-1].size)
+    fit = refine(predictor, fit, split.use)
+    return score_fit(predictor, fit, split, (*score.effects, candidate), score.signature, score)
 
 
 def _cost(pair: tuple[Fit, Signature]) -> float:
@@ -166,16 +175,18 @@ def _is_near(fit: Fit, best: Fit, use: Mask, factor: float) -> bool:
     return rest <= factor * max(least, 0.0) + 0.1 * noise
 
 
-def _rank(score: Score) -> float:
+def rank_score(score: Score) -> float:
+    """Return what scores are sorted by: how far off they are on experiments left out."""
     return score.validation.total
 
 
-def _begin_fit(predictor: Predictor, base: Fit, candidate: Candidate, start: Array, use: Mask) -> Fit:
+def _begin_fit(predictor: Predictor, base: Fit, candidate: Candidate, start: Array, use: Mask, also: int = 0) -> Fit:
+    """Return a fit after its first steps; the candidate's columns and those of ``also`` unknowns before are renewed."""
     space = base.space.extend(candidate.axes, candidate.fixed)
-    new = list(range(base.space.size, space.size))
-    jacobian = np.concatenate((base.jacobian, np.zeros((len(base.residual), len(new)))), axis=1)
-    start = np.concatenate((base.z, start))
-    return fit_space(predictor, space, start, use, jacobian=jacobian, refresh=new, iterations=FIRST_ITERATIONS)
+    renewed = list(range(base.space.size - also, space.size))
+    jacobian = np.concatenate((base.jacobian, np.zeros((len(base.residual), candidate.size))), axis=1)
+    z = np.concatenate((base.z, start))
+    return fit_space(predictor, space, z, use, jacobian=jacobian, refresh=renewed, iterations=FIRST_ITERATIONS)
 
 
 def _continue_fit(predictor: Predictor, fit: Fit, candidate: Candidate, use: Mask) -> Fit:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from evergym.effects.angle_quantisation import AngleQuantisation
 from evergym.model import Model
 
-__all__ = ["Setting"]
+__all__ = ["Setting", "without_rounding"]
 
 
 @dataclass(frozen=True)
@@ -16,3 +17,14 @@ class Setting:
     model: Model
     user: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
     """(effect, ((parameter, value), ...)) of the user's own effects."""
+
+
+def without_rounding(setting: Setting) -> Setting:
+    """Return the setting with exact angles: rounding them is done to a simulation that does not know of it."""
+    model = setting.model
+    if model.effects.angle_quantisation == _EXACT:
+        return setting
+    return replace(setting, model=replace(model, effects=replace(model.effects, angle_quantisation=_EXACT)))
+
+
+_EXACT = AngleQuantisation()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evergym.discrepancy.channels import quantise_angles
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Run
 from evergym.discrepancy.playback import Playback, make_command
@@ -72,8 +73,8 @@ def try_simulate_run(
     try:
         _fill(channels, model, run, numerics, hooks)
     except SimulationDiverged as error:
-        return Prediction(channels, f"run '{run.id}': {error}")
-    return Prediction(channels, "")
+        return Prediction(quantise_angles(channels, model), f"run '{run.id}': {error}")
+    return Prediction(quantise_angles(channels, model), "")
 
 
 def _fill(channels: Array, model: Model, run: Run, numerics: Numerics, hooks: Sequence[Hook]) -> None:

@@ -87,20 +87,36 @@ def worst_cell(cells: Sequence[Cell]) -> float:
 
 
 def find_equivalents(
-    best: Score, rivals: Sequence[Score], classes: Mapping[str, Sequence[str]], thresholds: Thresholds, most: int = 2
+    best: Score,
+    position: int,
+    contenders: Sequence[Score],
+    classes: Mapping[str, Sequence[str]],
+    thresholds: Thresholds,
+    most: int = 2,
 ) -> tuple[str, ...]:
-    """Return the effects that explain the left-out experiments as well as the best one, nearest first."""
-    name = best.effects[-1].name
+    """Return the effects that explain the left-out experiments as well in the place of one of the best model's.
+
+    Args:
+        best: The chosen model.
+        position: Which of its effects.
+        contenders: Models with as many effects.
+        classes: Effects whose signatures point the same way, by name.
+        thresholds: Limits.
+        most: Names to return at most.
+    """
+    name = best.effects[position].name
     limit = thresholds.tie_factor * best.excess + thresholds.tie_offset
-    tied = [
-        rival.effects[-1].name
-        for rival in rivals
-        if rival.effects[-1].name != name
-        and rival.excess <= limit
-        and rival.validation.total <= best.validation.total + 2.0 * thresholds.gain_min
-    ]
+    kept = [effect for place, effect in enumerate(best.effects) if place != position]
+    tied, fitted = [], set()
+    for contender in contenders:
+        others = [effect for effect in contender.effects if effect not in kept]
+        if contender is best or len(others) != 1:
+            continue
+        fitted.add(others[0].name)
+        gap = contender.validation.total - best.validation.total
+        if contender.excess <= limit and gap <= 2.0 * thresholds.gain_min:
+            tied.append(others[0].name)
     # Signatures that point the same way are one class even where only one of them was fitted.
-    fitted = {rival.effects[-1].name for rival in rivals}
     tied += [other for other in classes.get(name, ()) if other not in fitted and other not in tied]
     return tuple(tied[:most])
 
@@ -147,15 +163,14 @@ def decide(
     return Verdict.EFFECT
 
 
-def estimate_confidence(share: float, best: Score, rivals: Sequence[Score]) -> float:
+def estimate_confidence(share: float, best: Score, position: int, contenders: Sequence[Score]) -> float:
     """Return how sure the name is, from the explained share, the lead over the rivals, and what remains.
 
     The weights are priors that order development cases rightly; a posterior from likelihoods would say 1 nearly always.
     """
-    lead = min(
-        (np.log((rival.excess + 0.02) / (best.excess + 0.02)) for rival in rivals if rival.effects != best.effects),
-        default=3.0,
-    )
+    effect = best.effects[position]
+    others = [contender for contender in contenders if effect not in contender.effects]
+    lead = min((np.log((other.excess + 0.02) / (best.excess + 0.02)) for other in others), default=3.0)
     shrunk = 1.0 - float(np.sqrt(max(1.0 - share, 0.0)))
     logit = -1.0 + 8.0 * (shrunk - 0.7) + 1.5 * min(max(float(lead), -1.0), 3.0) - 1.5 * float(np.log1p(best.excess))
     return float(1.0 / (1.0 + np.exp(-logit)))
