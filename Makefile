@@ -14,7 +14,7 @@ STAMP := $(VENV)/.evergym-setup
 PIP := $(RUN)/python -m pip install --disable-pip-version-check $(if $(MAKE_TERMOUT),,--quiet)
 TORCH := $(shell grep -E '^torch==' constraints.txt)
 
-.PHONY: help setup test lint demo docs clean
+.PHONY: help setup test lint demo play docs clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "make %-8s %s\n", $$1, $$2}'
@@ -42,6 +42,9 @@ test: lint  ## lint, types and all tests; ends with pytest's closing line
 
 demo: $(STAMP)  ## train, evaluate against the duty cycle, write a report (QUICK=1: a few minutes)
 	@$(RUN)/python -m evergym.agents.demo $(if $(filter-out 0,$(QUICK)),--quick)
+
+play: $(STAMP)  ## drive the robot by hand in the browser (ARGS="--env MammobotPegs-v0": other options)
+	@$(RUN)/evergym play $(ARGS)
 
 docs: $(STAMP)  ## build the documentation into build/site (SERVE=1: and serve it on 127.0.0.1:8000, anew on every change)
 	@NO_MKDOCS_2_WARNING=1 $(RUN)/mkdocs $(if $(filter-out 0,$(SERVE)),serve --dev-addr 127.0.0.1:8000,build)
