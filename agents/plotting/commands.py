@@ -21,10 +21,10 @@ class PlotWorkspace:
     """The figure: .png, .pdf or .svg."""
     model: str = "mammobot_2023"
     """Name of a shipped model or path of a model file."""
-    everted_length_mm: float = 60.0
-    """Everted length, with the catheter up to the sheath's tip."""
+    everted_lengths_mm: tuple[float, ...] = (20.0, 40.0, 60.0, 80.0)
+    """Everted lengths, with the catheter up to the sheath's tip; the angle is drawn for the longest."""
     pressures_kpa: tuple[float, ...] = (10.0, 20.0, 30.0, 40.0, 50.0)
-    """Gauge pressures, one curve each."""
+    """Gauge pressures, one curve each and for every length."""
     pulls: int = 21
     """Tendon pulls per curve, from none to the largest."""
 
@@ -33,9 +33,12 @@ class PlotWorkspace:
         check_target(self.out)
         if self.pulls < 2:
             raise ConfigError(f"pulls is {self.pulls}; a curve needs at least 2.")
+        if not self.everted_lengths_mm:
+            raise ConfigError("There is nothing to draw: give --everted-lengths-mm, such as 20 40 60.")
         from evergym.agents.plotting.workspace import draw_workspace, measure_workspace
 
-        curves = measure_workspace(self.model, self.everted_length_mm, check_pressures(self.pressures_kpa), self.pulls)
+        lengths, pressures = tuple(sorted(set(self.everted_lengths_mm))), check_pressures(self.pressures_kpa)
+        curves = measure_workspace(self.model, lengths, pressures, self.pulls)
         print(f"Figure: {draw_workspace(curves, self.out)}")
         return 0
 
@@ -48,7 +51,7 @@ class PlotGrowth:
     """The figure: .png, .pdf or .svg."""
     model: str = "mammobot_2023"
     """Name of a shipped model or path of a model file."""
-    pressures_kpa: tuple[float, ...] = (5.0, 10.0, 15.0, 20.0, 30.0, 50.0)
+    pressures_kpa: tuple[float, ...] = (15.0, 18.0, 20.0, 25.0, 30.0, 50.0)
     """Gauge pressures, one curve each; reached before the feed starts."""
     insertion_mm_s: float = 2.0
     """Speed of the catheter; the tail is fed twice as fast."""

@@ -27,8 +27,6 @@ __all__ = ["ForceEpisode", "draw_force", "locate_contacts", "measure_force"]
 
 Array = NDArray[np.float64]
 
-_BIN = 1 * MM
-
 
 class ForceEpisode(NamedTuple):
     """Contact forces of an episode; SI units."""
@@ -38,7 +36,8 @@ class ForceEpisode(NamedTuple):
     time: Array
     """Of the reset and every step, shape (n,)."""
     force: Array
-    """Contact force within each millimetre from the port, shape (n, k) [N]."""
+    """Contact force on each section from the port on, shape (n, k) [N]."""
+    section_length: float
     everted_length: Array
     catheter_length: Array
     section_max: Array
@@ -62,11 +61,13 @@ def measure_force(
         raise RunError(f"{type(base).__name__} has no simulator of this package, so there are no contacts to show.")
     located: list[tuple[Array, Array]] = []
     infos: list[dict[str, Any]] = []
+    sections: list[float] = []
 
     def observe(step: Step) -> None:
         simulator = base._simulator
         assert isinstance(simulator, Simulator)  # reset() made it
         located.append(locate_contacts(read_pose(simulator)))
+        sections.append(simulator.numerics.section_length_mm * MM)
         infos.append(dict(step.info))
 
     seed = derive_episode_seed(1_000_000, split, index) if seed is None else seed
@@ -82,11 +83,12 @@ def measure_force(
         for key in ("time_s", "everted_length_mm", "catheter_length_mm", "wall_force_max_n")
     )
     reach = max(everted.max(), inserted.max()) * MM
-    edges = np.arange(0.0, reach + 2 * _BIN, _BIN)
+    section = sections[0]
+    edges = section * (np.arange(np.ceil(reach / section) + 2) - 0.5)  # a section's middle is its node
     force = np.array([np.histogram(station, edges, weights=size)[0] for station, size in located])
     limit = base.settings.wall_force_limit_n
     anatomy = str(infos[0].get("anatomy", ""))
-    return ForceEpisode(record, anatomy, time, force, everted * MM, inserted * MM, section_max, limit)
+    return ForceEpisode(record, anatomy, time, force, section, everted * MM, inserted * MM, section_max, limit)
 
 
 def locate_contacts(pose: Pose) -> tuple[Array, Array]:
@@ -121,10 +123,10 @@ def _draw_places(figure: Figure, axes: Axes, episode: ForceEpisode) -> None:
     shown = np.ma.masked_less_equal(episode.force[1:].T, 0.0)
     top = float(episode.force.max())
     norm = PowerNorm(0.5, vmin=0.0, vmax=top if top > 0.0 else 0.1)  # light touches show beside hard ones
-    edges = np.arange(count + 1) * _BIN / MM
+    edges = episode.section_length * (np.arange(count + 1) - 0.5) / MM
     mesh = axes.pcolormesh(episode.time, edges, shown, cmap="inferno_r", norm=norm, rasterized=True)
     bar = figure.colorbar(mesh, ax=axes, pad=0.01, aspect=14)
-    bar.set_label("contact force per mm [N]")
+    bar.set_label("force on a section [N]")
     bar.outline.set_linewidth(0.4)  # type: ignore[operator]
     axes.plot(episode.time, episode.everted_length / MM, color=COLOURS[0], label="everted length")
     axes.plot(

@@ -32,6 +32,7 @@ class GrowthCurve(NamedTuple):
     time: Array
     everted_length: Array
     growth_rate: Array
+    """Between one time and the next, one fewer."""
     fed_rate: float
     """Rate of growth that would use up the tail as it is fed."""
 
@@ -53,7 +54,7 @@ def measure_growth(
         time = np.array([reading.time for reading in readings])
         # Of what is seen between samples: a growth in jerks is shown as it is on average over a sample.
         rate = np.diff(length) / np.diff(time)
-        curves.append(GrowthCurve(pressure, time, length, np.concatenate([[0.0], rate]), speed))
+        curves.append(GrowthCurve(pressure, time, length, rate, speed))
     return tuple(curves)
 
 
@@ -67,13 +68,20 @@ def draw_growth(curves: Sequence[GrowthCurve], path: Path) -> Path:
             colour = shades(number / max(len(curves) - 1, 1))
             label = f"{curve.pressure / KPA:g} kPa"
             axes[0].plot(curve.time, curve.everted_length / MM, color=colour, label=label)
-            axes[1].plot(curve.time, curve.growth_rate / MM, color=colour)
+            axes[1].plot(0.5 * (curve.time[1:] + curve.time[:-1]), curve.growth_rate / MM, color=colour)
         fed = curves[0].fed_rate / MM
         axes[1].axhline(fed, color="#555555", linestyle=(0, (3, 1.5)), linewidth=0.8)
         axes[1].annotate(
-            "tail feed", (1.0, fed), xycoords=("axes fraction", "data"), xytext=(0, 2), textcoords="offset points",
-            ha="right", va="bottom", fontsize=7, color="#555555",
-        )  # fmt: skip
+            "all of the tail that is fed",
+            (1.0, fed),
+            xycoords=("axes fraction", "data"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            fontsize=7,
+            color="#555555",
+        )
         axes[0].set(xlabel="time [s]", ylabel="everted length [mm]", title="Everted length", ylim=(0.0, None))
         axes[1].set(xlabel="time [s]", ylabel="growth rate [mm/s]", title="Growth rate")
         axes[1].set_ylim(min(0.0, axes[1].get_ylim()[0]), max(1.15 * fed, axes[1].get_ylim()[1]))

@@ -90,7 +90,10 @@ def _draw_group(axes: Axes, group: LearningGroup, attribute: str, factor: float,
     if not lines:
         return  # runs whose environment reports no success
     if len(lines) == 1:
-        axes.plot(lines[0][0], factor * lines[0][1], color=colour, label=group.label)
+        marker = "o" if len(lines[0][0]) == 1 else ""
+        axes.plot(
+            lines[0][0], factor * lines[0][1], marker, color=colour, linestyle="-", markersize=3.0, label=group.label
+        )
         return
     # Where all of them have been: the mean of fewer would jump.
     grid = np.linspace(max(line[0][0] for line in lines), min(line[0][-1] for line in lines), _GRID)
