@@ -53,7 +53,8 @@ class Instruments:
                     title=title,
                     scales={"x": viser.uplot.Scale(time=False)},
                     legend=viser.uplot.Legend(show=False),
-                    height=128,
+                    height=100,
+                    padding=(8, 12, 0, 0),
                 )
 
     def place(self, scene: Duct | PegField, target: tuple[float, float, float]) -> None:

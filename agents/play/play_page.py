@@ -21,10 +21,10 @@ from evergym.duct_models.peg_family import PEG_FAMILIES
 __all__ = ["PlayPage"]
 
 _SLIDERS = {
-    DriveName.INSERTION: ("Insertion [mm/s]   K -  + I", 0.1),
-    DriveName.ROLL: ("Catheter roll [deg/s]   L -  + J", 1.0),
-    DriveName.PULL: ("Tendon pull [mm]   U -  + O", 0.1),
-    DriveName.PRESSURE: ("Pressure [kPa]   N -  + M", 0.5),
+    DriveName.INSERTION: ("Insertion, mm/s (I/K)", 0.1),
+    DriveName.ROLL: ("Roll, deg/s (J/L)", 1.0),
+    DriveName.PULL: ("Tendon pull, mm (O/U)", 0.1),
+    DriveName.PRESSURE: ("Pressure, kPa (M/N)", 0.5),
 }
 _KEYS = {
     "I": (DriveName.INSERTION, 1),
@@ -113,13 +113,13 @@ class PlayPage:
     def _add_steering(self) -> None:
         gui, player = self._server.gui, self._player
         with gui.add_folder("Who drives"):
-            self._button("Duty cycle drives (C)", partial(player.hand_over, DRIVERS[1]), icon=viser.Icon.ROBOT, color="blue")
-            self._policy_button = self._button("Policy drives (V)", partial(player.hand_over, DRIVERS[2]), icon=viser.Icon.BRAIN)
-            self._button("Take back (H)", partial(player.hand_over, DRIVERS[0]), icon=viser.Icon.HAND_STOP)
-            folder = gui.add_text(
-                "Run folder", "" if player.session.policy_folder is None else str(player.session.policy_folder)
-            )
-            self._button("Load policy", lambda: player.load_policy(folder.value), icon=viser.Icon.DOWNLOAD)
+            hand, duty_cycle, policy = (partial(player.hand_over, driver) for driver in DRIVERS)
+            self._button("Duty cycle drives (C)", duty_cycle, icon=viser.Icon.ROBOT, color="blue")
+            self._policy_button = self._button("Policy drives (V)", policy, icon=viser.Icon.BRAIN)
+            self._button("Take back (H)", hand, icon=viser.Icon.HAND_STOP)
+            with gui.add_folder("Another policy", expand_by_default=False):
+                folder = gui.add_text("Run folder", str(player.session.policy_folder or ""))
+                self._button("Load", lambda: player.load_policy(folder.value), icon=viser.Icon.DOWNLOAD)
 
     def _add_episode(self) -> None:
         gui, player = self._server.gui, self._player
@@ -131,7 +131,8 @@ class PlayPage:
             self._button("Pause / go on (P)", player.pause, icon=viser.Icon.PLAYER_PAUSE)
             self._button("Save (T)", player.save, icon=viser.Icon.DEVICE_FLOPPY)
             every = gui.add_checkbox("Save every episode at its end", player.save_all)
-            speed = gui.add_dropdown("Speed", tuple(f"{value} x" for value in SPEEDS), initial_value=f"{player.speed} x")
+            speeds = tuple(f"{value} x" for value in SPEEDS)
+            speed = gui.add_dropdown("Speed", speeds, initial_value=f"{player.speed} x")
             self._pace = gui.add_html("")
         with gui.add_folder("Anatomy"):
             family = str(anatomy.get("anatomy_family"))
@@ -159,12 +160,12 @@ class PlayPage:
 
         @speed.on_update
         def _(_: Any) -> None:
-            player.speed = SPEEDS[[f"{value} x" for value in SPEEDS].index(speed.value)]
+            player.speed = SPEEDS[speeds.index(speed.value)]
 
     def _add_hotkeys(self) -> None:
         player = self._player
         for key, (drive, direction) in _KEYS.items():
-            label = f"{_SLIDERS[drive][0].partition(' [')[0]} {'up' if direction > 0 else 'down'}"
+            label = f"{_SLIDERS[drive][0].partition(',')[0]} {'up' if direction > 0 else 'down'}"
             self._hotkey(label, key, partial(player.press, drive, direction))
         for key, label, action in (
             ("X", "Stop", player.stop),

@@ -106,7 +106,7 @@ class ReplayPage:
         with self._folder:
             end = max(reel.duration, episode.heading.interval_s)
             self._gone = self._server.gui.add_slider(
-                "Time [s]   J -  + L", min=0.0, max=end, step=episode.heading.interval_s, initial_value=0.0, order=-1.0
+                "Time, s (J/L)", min=0.0, max=end, step=episode.heading.interval_s, initial_value=0.0, order=-1.0
             )
         self._gone.on_update(self._on_slider)
         self._place_number = reel.place_number

@@ -144,7 +144,7 @@ class Stage:
         )
         self._scene.add_label("/place/port_label", "port", position=(0.0, -0.35, 0.0), anchor="top-center")
         line = np.stack([way[:-1], way[1:]], axis=1)
-        self._scene.add_line_segments("/place/way", _single(line), colors=COLOURS["target"], thickness=2.0)
+        self._scene.add_line_segments("/place/way", _single(line), colors=COLOURS["target"], thickness=0.04)
 
     def _add_robot(self, frame: Frame) -> None:
         """Add the robot's parts, still without their shapes: `show` gives them these."""
