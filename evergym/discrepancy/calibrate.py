@@ -109,7 +109,7 @@ def find_sensitivity(predictor: Predictor, setting: Setting) -> Sensitivity:
     jacobian = compute_jacobian(predictor, space, start, list(range(space.size)), mark_inert=False)
     loud = _is_loud(jacobian)
     # A threshold that the nominal robot just does not reach shows only from farther away.
-    doubtful = [i for i in range(space.size) if not loud[i]]
+    doubtful = [i for i, axis in enumerate(space.axes) if not loud[i] and axis.path.startswith("effects.")]
     for step in (FAR_STEP, -FAR_STEP):
         doubtful = [place for place in doubtful if not _is_loud(jacobian[:, [place]])[0]]
         far = replace(space, axes=tuple(replace(axis, step=step) for axis in space.axes))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from evergym.discrepancy.fit import Fit
 from evergym.discrepancy.locate import Cell
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.screen import Screening, Signature, rank_candidates
@@ -46,7 +45,6 @@ class Choice:
 def choose_effects(
     predictor: Predictor,
     base: Score,
-    reference: Fit,
     signatures: Sequence[Signature],
     screenings: Sequence[Screening],
     split: Split,
@@ -58,21 +56,20 @@ def choose_effects(
     Args:
         predictor: Simulations.
         base: The recalibrated model.
-        reference: The model as given, where fits of a first effect begin.
         signatures: Of the candidates, the most promising first.
         screenings: The same before they were ranked.
         split: Samples that choose.
         thresholds: Limits.
         draw_map: To see what a model leaves over.
     """
-    rivals = _fit_promising(predictor, base, reference, signatures, split, FITTED_MAX)
+    rivals = _fit_promising(predictor, base, signatures, split, FITTED_MAX)
     if not rivals:
         return Choice(base, (), ())
     best, contenders = rivals[0], rivals
     if worst_cell(draw_map(best)) >= thresholds.rest_cell_min:
         others = [screening for screening in screenings if screening.candidate not in best.effects]
-        further = rank_candidates(best.fit, others, split.use)
-        pairs = _fit_promising(predictor, best, best.fit, further, split, FURTHER_MAX)
+        further = rank_candidates(predictor, best.fit, others, split.use)
+        pairs = _fit_promising(predictor, best, further, split, FURTHER_MAX)
         if pairs and earns_its_place(best, pairs[0], thresholds):
             contenders = sorted(pairs + _swap_first(predictor, base, pairs[0], rivals, split), key=rank_score)
             best = contenders[0]
@@ -99,7 +96,7 @@ def earns_its_place(before: Score, after: Score, thresholds: Thresholds) -> bool
 
 
 def _fit_promising(
-    predictor: Predictor, base: Score, reference: Fit, signatures: Sequence[Signature], split: Split, count: int
+    predictor: Predictor, base: Score, signatures: Sequence[Signature], split: Split, count: int
 ) -> list[Score]:
     promising = [signature for signature in signatures if signature.gain > GAIN_MIN]
-    return fit_candidates(predictor, base, reference, promising, split, count)
+    return fit_candidates(predictor, base, promising, split, count)

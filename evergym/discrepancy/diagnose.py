@@ -24,7 +24,7 @@ from evergym.discrepancy.dataset import Dataset, load_dataset
 from evergym.discrepancy.diagnosis import Diagnosis, write_json
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.findings import describe_effects, list_candidates
-from evergym.discrepancy.fit import evaluate_fit
+from evergym.discrepancy.fit import Fit, evaluate_fit, fit_space
 from evergym.discrepancy.gap import measure_gap
 from evergym.discrepancy.hold_out import choose_held_out
 from evergym.discrepancy.hook import UserEffect, load_user_effects
@@ -47,6 +47,7 @@ from evergym.model import Model, load_model, save_model
 __all__ = ["diagnose", "run_stages", "write_results"]
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 Stage = Callable[[str, float], None]
 """Told what is being done, and the share of the whole that is done."""
@@ -54,6 +55,7 @@ Stage = Callable[[str, float], None]
 STAGE_SHARES = (0.01, 0.04, 0.25, 0.5, 0.85, 0.92, 1.0)
 """Shares of the whole at which stages begin."""
 SIMULATIONS_PER_STAGE = 600.0
+OVERALL_ITERATIONS = 3
 NEXT_FILE = "next.csv"
 
 
@@ -141,7 +143,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     base = score_fit(predictor, calibration.fit, split)
 
     def draw_map(score: Score) -> list[Cell]:
-        return map_disagreement(dataset, measurement, score, split)
+        return map_disagreement(dataset, measurement, score.fit, split.use)
 
     cells = draw_map(base)
     focus = select_significant(dataset, measurement, cells)
@@ -154,24 +156,27 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     space = sensitivity.space
     reference = evaluate_fit(predictor, space, np.zeros(space.size), sensitivity.jacobian)
     screenings = screen_candidates(predictor, reference, candidates, split.use)
-    signatures = rank_candidates(reference, screenings, split.use)
+    signatures = rank_candidates(predictor, reference, screenings, split.use, calibration.fit)
     classes = group_equivalent(signatures, split.use)
     excited = is_excited(signatures, thresholds)
 
     tell("fits", 0.5)
     choice = Choice(base, (), ())
     if worst_cell(cells) >= thresholds.cell_min:
-        choice = choose_effects(predictor, base, reference, signatures, screenings, split, thresholds, draw_map)
+        choice = choose_effects(predictor, base, signatures, screenings, split, thresholds, draw_map)
     chosen = choice.best
-    cells_after = draw_map(chosen)
-    verdict = decide(base, chosen, cells, cells_after, excited, thresholds)
+    verdict = decide(base, chosen, cells, draw_map(chosen), excited, thresholds)
     if verdict not in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):
-        chosen, cells_after = base, cells
+        chosen = base
         choice = dataclasses.replace(choice, best=base)
 
     tell("intervals", 0.85)
     everything = Split(np.ones(measurement.size, dtype=bool), tuple(range(len(measurement.experiments))), ())
     final = score_fit(predictor, refine(predictor, chosen.fit, everything.use), everything, chosen.effects)
+    # The verdict was reached without the held-out runs; the map that is shown is of all.
+    overall = fit_space(predictor, space, base.fit.z, None, base.fit.jacobian, [], OVERALL_ITERATIONS)
+    where = map_disagreement(dataset, measurement, overall, everything.use)
+    where_after = map_disagreement(dataset, measurement, final.fit, everything.use) if chosen.effects else where
     effects, parameters = describe_effects(base, choice, final, classes, thresholds)
     held_out = np.isin(measurement.experiment, split.held_out)
     predictions = calibration.nominal, base.fit.prediction, chosen.fit.prediction
@@ -185,8 +190,8 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         verdict=verdict,
         effects=effects,
         parameters=parameters,
-        where=tuple(cells),
-        where_after=tuple(cells_after),
+        where=tuple(where),
+        where_after=tuple(where_after),
         gap=gap,
         calibration=tuple(calibration.estimates(final.fit)),
         silent=calibration.silent,
@@ -225,10 +230,10 @@ def split_samples(dataset: Dataset, measurement: Measurement, jacobian: Array) -
     return Split(use, folds, held_out)
 
 
-def map_disagreement(dataset: Dataset, measurement: Measurement, score: Score, split: Split) -> list[Cell]:
-    """Return where a fitted model and the measurements disagree, among the samples that it was fitted to."""
-    freedom = min(score.fit.space.size / max(int(split.use.sum()), 1), 0.5)
-    return locate(dataset, measurement, score.fit.prediction, score.fit.residual, freedom, split.use)
+def map_disagreement(dataset: Dataset, measurement: Measurement, fit: Fit, use: Mask) -> list[Cell]:
+    """Return where a fitted model and the measurements disagree, among the samples ``use`` that it was fitted to."""
+    freedom = min(fit.space.size / max(int(use.sum()), 1), 0.5)
+    return locate(dataset, measurement, fit.prediction, fit.residual, freedom, use)
 
 
 def plan_next(

@@ -53,6 +53,7 @@ class Signature:
         size: Norm of the whitened change [sigma], all samples together.
         kept: Share of the norm that recalibration cannot absorb.
         gain: Half the chi-squares that the signature takes off the residual (with the nominals refitted).
+        reference: The fit that it was taken at, and from which its own begins.
     """
 
     candidate: Candidate
@@ -61,11 +62,12 @@ class Signature:
     size: float
     kept: float
     gain: float
+    reference: Fit
 
 
 @dataclass(frozen=True)
 class Screening:
-    """What every candidate changes in the recalibrated model.
+    """What a candidate changes in the model.
 
     Attributes:
         candidate: The effect.
@@ -137,11 +139,12 @@ class Projector:
 
 
 def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Candidate], use: Mask) -> list[Screening]:
-    """Simulate every candidate at each of its starts, in the recalibrated model.
+    """Simulate every candidate at each of its starts.
 
     Args:
         predictor: Simulations.
-        base: The recalibrated model.
+        base: The model as given, whose nominal parameters are about right once the effect is in: those of the
+            recalibrated model are bent to make up for it.
         candidates: Effects that may be missing.
         use: Samples that may be looked at, (n,).
     """
@@ -157,40 +160,53 @@ def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Cand
     return screenings
 
 
-def rank_candidates(fit: Fit, screenings: Sequence[Screening], use: Mask) -> list[Signature]:
+def rank_candidates(
+    predictor: Predictor, fit: Fit, screenings: Sequence[Screening], use: Mask, recalibrated: Fit | None = None
+) -> list[Signature]:
     """Return the best signature of every candidate that changes anything, the most promising first.
 
     Args:
-        fit: The recalibrated model, or one with an effect in it: what a second effect changes is taken to be the same
-            with the first one as without.
+        predictor: Simulations.
+        fit: The model that the candidates were screened in, or one with an effect in it: what a second effect changes
+            is taken to be the same with the first one as without.
         screenings: Of the candidates.
         use: Samples that may be looked at, (n,).
+        recalibrated: The fit at which to look at what rounds readings: that needs readings which are about right, and
+            no simulation. None: the same.
     """
-    projector = Projector(fit, use)
-    size = fit.space.size
     signatures = []
+    projectors = {id(one): Projector(one, use) for one in (fit, recalibrated) if one is not None}
     for screening in screenings:
-        candidate = screening.candidate
-        space = fit.space.extend(candidate.axes, candidate.fixed)
-        best: Signature | None = None
-        for start, column in screening.columns:
-            norm = float(np.linalg.norm(column[use]))
-            if norm < LOUD:
-                continue
-            projected = projector.project(column)
-            kept = min(float(np.linalg.norm(projected[use])) / norm, 1.0)
-            gain, stretch = (
-                (projector.exact_gain(column), 1.0) if candidate.rounds else projector.gain(column, candidate.signed)
-            )
-            begin = np.array(start)
-            for i, axis in enumerate(candidate.axes):
-                if axis.path in candidate.amplitudes:
-                    begin[i] *= stretch
-            if best is None or gain > best.gain:
-                best = Signature(candidate, np.clip(begin, *space.limits_of(size)), projected, norm, kept, gain)
-        if best is not None:
-            signatures.append(best)
+        rounds = screening.candidate.rounds
+        projector = projectors[id(recalibrated if rounds and recalibrated is not None else fit)]
+        if rounds:
+            screening = screen_candidates(predictor, projector.fit, [screening.candidate], use)[0]
+        signature = _find_signature(projector, screening)
+        if signature is not None:
+            signatures.append(signature)
     return sorted(signatures, key=lambda signature: -signature.gain)
+
+
+def _find_signature(projector: Projector, screening: Screening) -> Signature | None:
+    candidate, fit, use = screening.candidate, projector.fit, projector.use
+    limits = fit.space.extend(candidate.axes, candidate.fixed).limits_of(fit.space.size)
+    best: Signature | None = None
+    for start, column in screening.columns:
+        norm = float(np.linalg.norm(column[use]))
+        if norm < LOUD:
+            continue
+        projected = projector.project(column)
+        kept = min(float(np.linalg.norm(projected[use])) / norm, 1.0)
+        gain, stretch = (
+            (projector.exact_gain(column), 1.0) if candidate.rounds else projector.gain(column, candidate.signed)
+        )
+        begin = np.array(start)
+        for i, axis in enumerate(candidate.axes):
+            if axis.path in candidate.amplitudes:
+                begin[i] *= stretch
+        if best is None or gain > best.gain:
+            best = Signature(candidate, np.clip(begin, *limits), projected, norm, kept, gain, fit)
+    return best
 
 
 def simulate_changes(
@@ -215,35 +231,31 @@ def simulate_changes(
 
 
 def search_strengths(
-    predictor: Predictor, base: Fit, signatures: Sequence[Signature], use: Mask
+    predictor: Predictor, signatures: Sequence[Signature], use: Mask
 ) -> list[tuple[Strength, Signature]]:
     """Return where to start each fit, the most promising first.
 
     It is the strength along the signature that takes most off the residual: growth that stalls or a tendon that goes
     slack depend on it by leaps, over which no gradient leads.
     """
-    projector = Projector(base, use)
+    projectors = {id(signature.reference): Projector(signature.reference, use) for signature in signatures}
     found = [(Strength(signature.start, -np.inf), signature) for signature in signatures]
     for factors in SEARCH:
         most = max((strength.gain for strength, _ in found), default=0.0)
         found = [
             (strength, signature)
             if np.isfinite(strength.gain) and strength.gain < HOPELESS * most
-            else (_search(predictor, base, projector, signature, strength, factors), signature)
+            else (_search(predictor, projectors[id(signature.reference)], signature, strength, factors), signature)
             for strength, signature in found
         ]
     return sorted(found, key=lambda pair: -pair[0].gain)
 
 
 def _search(
-    predictor: Predictor,
-    base: Fit,
-    projector: Projector,
-    signature: Signature,
-    strength: Strength,
-    factors: Sequence[float],
+    predictor: Predictor, projector: Projector, signature: Signature, strength: Strength, factors: Sequence[float]
 ) -> Strength:
     """Return the best of some multiples of a strength, and of itself."""
+    base = signature.reference
     candidate = signature.candidate
     space = base.space.extend(candidate.axes, candidate.fixed)
     limits = space.limits_of(base.space.size)

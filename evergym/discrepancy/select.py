@@ -116,23 +116,21 @@ def score_fit(
 
 
 def fit_candidates(
-    predictor: Predictor, base: Score, reference: Fit, signatures: Sequence[Signature], split: Split, count: int
+    predictor: Predictor, base: Score, signatures: Sequence[Signature], split: Split, count: int
 ) -> list[Score]:
     """Fit the most promising candidates on top of ``base`` and return their scores, best first.
 
     Args:
         predictor: Simulations.
         base: The recalibrated model, or one with effects in already: what a candidate must be better than.
-        reference: Where the fits begin, with the same unknowns: the model as given, whose nominal parameters are about
-            right once the effect is in. Those of the recalibrated model are bent to make up for it.
         signatures: Of the candidates, the most promising first.
         split: Samples that choose.
         count: Candidates to fit at most.
     """
-    found = search_strengths(predictor, reference, signatures[: count + SPARE], split.use)
+    found = search_strengths(predictor, signatures[: count + SPARE], split.use)
     worth = [pair for rank, pair in enumerate(found) if rank < FITTED_MIN or pair[0].gain > WORTH * found[0][0].gain]
     fits = [
-        (_begin_fit(predictor, reference, signature.candidate, strength.z, split.use), signature)
+        (_begin_fit(predictor, signature.reference, signature.candidate, strength.z, split.use), signature)
         for strength, signature in worth[:count]
     ]
     # A race: who is far behind after the first steps stays as it is.

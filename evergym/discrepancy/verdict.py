@@ -49,12 +49,12 @@ class Thresholds:
             excited.
     """
 
-    share_min: float = 0.7
+    share_min: float = 0.83
     gain_min: float = 12.0
     cell_min: float = 1.5
     rest_cell_min: float = 1.5
     strange_cell_min: float = 5.0
-    strange_share: float = 0.25
+    strange_share: float = 0.45
     tie_factor: float = 1.25
     tie_offset: float = 0.02
     further_gain_min: float = 24.0
