@@ -15,7 +15,7 @@ def main() -> int:
     print("Compiling the simulator (about two minutes, once)", flush=True)
     start = time.monotonic()
     for name in ("MammobotDuct-v0", "MammobotPegs-v0"):
-        probe_env(name, {})
+        probe_env(name, {"observation": "state+image"})
     print(f"Compiled in {time.monotonic() - start:.0f} s")
     return 0
 

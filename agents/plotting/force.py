@@ -127,7 +127,7 @@ def _draw_places(figure: Figure, axes: Axes, episode: ForceEpisode) -> None:
     mesh = axes.pcolormesh(episode.time, edges, shown, cmap="inferno_r", norm=norm, rasterized=True)
     bar = figure.colorbar(mesh, ax=axes, pad=0.01, aspect=14)
     bar.set_label("force on a section [N]")
-    bar.outline.set_linewidth(0.4)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.4)
     axes.plot(episode.time, episode.everted_length / MM, color=COLOURS[0], label="everted length")
     axes.plot(
         episode.time, episode.catheter_length / MM, color="black", linewidth=0.8, linestyle=(0, (3, 1.5)),

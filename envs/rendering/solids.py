@@ -71,7 +71,10 @@ def make_arrows(start: Array, direction: Array, length: Array) -> Solid:
     if len(start) == 0:
         return Solid(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
     angle = np.linspace(0.0, 2.0 * np.pi, _ARROW_SIDES, endpoint=False)
-    vertices, normals, faces = [], [], []
+    vertices: list[Array] = []
+    normals: list[Array] = []
+    faces: list[IntArray] = []
+    count = 0
     ring_faces = _join_rings(2, _ARROW_SIDES)
     for foot, ahead, size in zip(start, direction, length, strict=True):
         other = np.array((1.0, 0.0, 0.0)) if abs(ahead[0]) < 0.9 else np.array((0.0, 1.0, 0.0))
@@ -89,7 +92,8 @@ def make_arrows(start: Array, direction: Array, length: Array) -> Solid:
             (neck + 0.0 * around, neck + thick * around, back),
             (neck + thick * around, tip + 0.0 * around, slope),
         ):
-            faces.append(ring_faces + sum(map(len, vertices)))
+            faces.append(ring_faces + count)
+            count += 2 * _ARROW_SIDES
             vertices.append(np.concatenate([first, second]))
             normals.append(np.concatenate([outwards, outwards]))
     return Solid(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
