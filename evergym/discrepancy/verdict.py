@@ -13,7 +13,17 @@ from evergym.discrepancy.locate import SIGNIFICANCE, Cell
 from evergym.discrepancy.screen import Signature
 from evergym.discrepancy.select import Score
 
-__all__ = ["NamedEffect", "Thresholds", "Verdict", "decide", "explained_share", "find_equivalents"]
+__all__ = [
+    "NamedEffect",
+    "Thresholds",
+    "Verdict",
+    "decide",
+    "estimate_confidence",
+    "explained_share",
+    "find_equivalents",
+    "is_excited",
+    "worst_cell",
+]
 
 Array = NDArray[np.float64]
 
