@@ -71,7 +71,13 @@ class Player(Desk):
         for _ in range(self.speed):
             if self.mode is not Mode.RUNNING:
                 return
-            self.session.step()
+            try:
+                self.session.step()
+            except ValueError as error:  # an action that is no number, of a policy that has diverged
+                self.notices.append((f"The {self.driver} cannot drive: {error}", True))
+                self.session.hand_over(DRIVERS[0])
+                self.mode = Mode.PAUSED
+                return
             if self.session.ended:
                 self.mode = Mode.ENDED
                 if self.save_all:
@@ -91,7 +97,7 @@ class Player(Desk):
 
     def stop(self) -> None:
         """Stop what moves, by hand."""
-        if self.mode is not Mode.READY:
+        if self.mode is Mode.RUNNING:
             self._take()
         self.session.hand.stop()
 
@@ -139,8 +145,9 @@ class Player(Desk):
         return path
 
     def _take(self) -> None:
-        """Take over by hand, and start if it has not begun."""
+        """Take over by hand, and start if it has not begun; a pause stays one."""
         if self.mode is Mode.ENDED:
             return
         self.session.hand_over(DRIVERS[0])
-        self.mode = Mode.RUNNING
+        if self.mode is Mode.READY:
+            self.mode = Mode.RUNNING

@@ -121,6 +121,8 @@ class Session:
                 episode before is then still there.
         """
         new_seed = self.seed if seed is None else seed
+        if new_seed < 0:
+            raise ConfigError(f"The seed is {new_seed}; it must be 0 or above.")
         new_options = dict(self.options if options is None else options)
         self._observation, info = self._env.reset(seed=new_seed, options=new_options or None)
         self.seed, self.options = new_seed, new_options

@@ -72,6 +72,32 @@ def test_pause_speed_and_reset(player: Player) -> None:
     assert player.place_number == before + 1
 
 
+def test_a_pause_stays_until_it_is_ended(player: Player) -> None:
+    player.press(DriveName.INSERTION, 1)
+    player.pause()
+    player.set_drive(DriveName.PULL, 1.0 * MM)
+    player.stop()
+    assert player.mode is Mode.PAUSED
+    assert player.session.hand.value[DriveName.PULL] == pytest.approx(1.0 * MM)
+    player.hand_over("duty cycle")
+    assert player.mode is Mode.RUNNING
+
+
+def test_a_policy_without_numbers_is_relieved(player: Player) -> None:
+    class Broken:
+        def predict(self, observation: object, **_: object) -> tuple[object, object]:
+            return np.full(4, np.nan, dtype=np.float32), ()
+
+    player.hand_over("duty cycle")
+    player.session._steerer = Broken()  # type: ignore[assignment]
+    player.tick()
+    assert (player.mode, player.driver) == (Mode.PAUSED, "hand")
+    assert "must be a finite number" in player.notices[0][0]
+    player.pause()
+    player.tick()
+    assert player.mode is Mode.RUNNING
+
+
 def test_hands_relieve_a_controller(player: Player) -> None:
     player.hand_over("duty cycle")
     player.tick()
@@ -215,6 +241,7 @@ def test_the_page_follows_the_player(player: Player) -> None:
         (["play", "--mesh", "no_such.stl"], "no_such.stl"),
         (["play", "--family", "no_such"], "no_such"),
         (["play", "--index", "-1"], "-1"),
+        (["play", "--seed", "-1"], "0 or above"),
         (["play", "--port", "70000"], "0..65535"),
         (["play", "--host", "999.1.2.3"], "999.1.2.3"),
         (["play", "--speed", "3"], "1, 2, 4, 8"),
