@@ -43,9 +43,9 @@ LONG = {
 STAND_INS = {
     "evergym dataset check DIR": {
         "language": "bash",
-        "instead": """evergym dataset export-paper bench --figures fig7
-evergym dataset check bench
-evergym dataset show bench --out runs.png""",
+        "instead": """evergym dataset export-paper paper --figures fig7
+evergym dataset check paper
+evergym dataset show paper --out runs.png""",
     },
     "schema = 1": {"language": "toml"},
     "from evergym import load_model": {
