@@ -18,6 +18,8 @@ from evergym.agents.summary import Summary
 __all__ = ["draw_comparison"]
 
 _GROUP_WIDTH = 0.8
+_BAR_WIDTH = 0.25
+_FEW = 6
 
 
 def draw_comparison(folder: Path, path: Path) -> Path:
@@ -35,13 +37,12 @@ def draw_comparison(folder: Path, path: Path) -> Path:
 
     def draw(figure: Figure, axes: list[Axes]) -> None:
         _draw_success(axes[0], summary, arms)
-        _draw_boxes(axes[1], records, arms, splits, lambda r: r.time_s if r.success else np.nan)
+        _draw_boxes(axes[1], records, arms, splits, lambda r: r.time_s if r.success else np.nan, counted=True)
         _draw_boxes(axes[2], records, arms, splits, lambda r: r.wall_force_peak_n)
-        axes[0].set(
-            ylabel="targets reached [%]", ylim=(0.0, 105.0), title=f"Success, {episodes} episodes, 95 % intervals"
-        )
-        axes[1].set(ylabel="time to target [s]", title="Robot time where the target was reached", ylim=(0.0, None))
-        axes[2].set(ylabel="peak wall force [N]", title="Largest force on one section in an episode", ylim=(0.0, None))
+        axes[0].set(ylabel="targets reached [%]", ylim=(0.0, 105.0), title=f"Success in {episodes} episodes")
+        axes[1].set(ylabel="time to target [s]", title="Time (number: reached)", ylim=(0.0, None))
+        axes[2].set(ylabel="peak wall force [N]", title="Largest force on one section", ylim=(0.0, None))
+        axes[1].set_ylim(top=1.06 * axes[1].get_ylim()[1])  # room for the numbers
         for axis in axes:
             axis.set_xticks(range(len(splits)), [split.replace("_", " ") for split in splits])
             axis.set_xlim(-0.5, len(splits) - 0.5)
@@ -50,12 +51,15 @@ def draw_comparison(folder: Path, path: Path) -> Path:
         handles = [Patch(color=COLOURS[k % len(COLOURS)], label=arm.replace("_", " ")) for k, arm in enumerate(arms)]
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(arms), 6))
 
+    # A few bars stand side by side in a strip; many need the width of the page.
+    if len(splits) * len(arms) <= _FEW:
+        return write_figure(path, FULL_WIDTH_MM, 66.0, 3, 1, draw)
     return write_figure(path, FULL_WIDTH_MM, 165.0, 1, 3, draw)
 
 
 def _place(number: int, count: int) -> tuple[float, float]:
     """Return where an arm stands beside the middle of its split, and its width."""
-    width = _GROUP_WIDTH / count
+    width = min(_GROUP_WIDTH / count, _BAR_WIDTH)
     return (number - 0.5 * (count - 1)) * width, 0.86 * width
 
 
@@ -76,7 +80,10 @@ def _draw_boxes(
     arms: Sequence[str],
     splits: Sequence[str],
     read: Callable[[EpisodeRecord], float],
+    *,
+    counted: bool = False,
 ) -> None:
+    """Draw medians, quartiles and outliers; ``counted`` says of how many episodes."""
     for position, split in enumerate(splits):
         for number, arm in enumerate(arms):
             values = [value for r in records if (r.arm, r.split) == (arm, split) and np.isfinite(value := read(r))]
@@ -91,3 +98,6 @@ def _draw_boxes(
             )  # fmt: skip
             drawn["boxes"][0].set_facecolor(COLOURS[number % len(COLOURS)])
             drawn["boxes"][0].set_alpha(0.85)
+            if counted:
+                top = (position + shift, max(values))
+                axes.annotate(f"{len(values)}", top, xytext=(0, 3), textcoords="offset points", ha="center", fontsize=6)

@@ -32,8 +32,7 @@ def test_frames_a_second(view: str, size: tuple[int, int], place: str) -> None:
     for length in np.linspace(10, 30, 6):
         simulator.reset(everted_length=length * MM)
         start = time.process_time()
-        for _ in range(FRAMES // 6):
-            frames.append(picture.frame(simulator))
+        frames += [picture.frame(simulator) for _ in range(FRAMES // 6)]
         spent += time.process_time() - start
     picture.close()
     print(f"{view} {size[0]} x {size[1]}, {place}: {FRAMES / max(spent, 1e-9):.0f} frames per second of processor time")

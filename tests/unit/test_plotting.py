@@ -38,8 +38,9 @@ def test_workspace(tmp_path: Path) -> None:
         assert curve.tip.shape == (9, 2)
         assert curve.pull[4] == curve.pull.max()
         pulled, let_go = curve.angle[:5], curve.angle[4:][::-1]
-        assert (np.diff(pulled) >= -1e-9).all()
-        assert (let_go >= pulled - 1e-9).all()
+        tolerance = 1e-6  # rad: the equilibria are found to some 1e-8
+        assert (np.diff(pulled) >= -tolerance).all()
+        assert (let_go >= pulled - tolerance).all()
         # Nothing of the robot is longer than what is everted, and it does not shrink.
         assert np.linalg.norm(curve.tip, axis=1).max() <= curve.everted_length * 1.02
     by_angle = {(curve.everted_length, curve.pressure): curve.angle[4] for curve in curves}
@@ -140,6 +141,7 @@ def test_compare(tmp_path: Path) -> None:
     for word in ("duty cycle", "push only", "held out", "narrow", "time to target [s]", "peak wall force [N]"):
         assert f">{word}<" in text
     assert "4 episodes" in text
+    assert text.count(">4<") >= 2  # how many reached their target, beside the times of those that did
 
 
 @pytest.mark.parametrize(
