@@ -33,7 +33,9 @@ COMMANDS = {
     "play": CommandEntry("evergym.agents.play.play_command", "Play", "drive the robot by hand in a browser"),
     "replay": CommandEntry("evergym.agents.play.replay_command", "Replay", "look at a recorded episode, or film it"),
     "tune": CommandEntry("evergym.agents.tuning", "Tune", "tune the duty cycle on training anatomies"),
-    "rehearse": CommandEntry("evergym.agents.rehearsal", "Rehearse", "plan in models, carry out on a robot unwatched"),
+    "rehearse": CommandEntry(
+        "evergym.agents.rehearse_command", "Rehearse", "plan in models, carry out on a robot unwatched"
+    ),
     "identify": CommandEntry(
         "evergym.experiments.identification.command", "Identify", "estimate the robot's parameters from measurements"
     ),

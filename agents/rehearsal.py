@@ -14,21 +14,17 @@ from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 
 from evergym.agents.arms import Policy, find_controller_arm, make_policy
 from evergym.agents.env_factory import make_env
 from evergym.agents.episodes import EpisodeRecord, Step, run_episode
 from evergym.agents.evaluation import derive_episode_seed
-from evergym.agents.settings import parse_options
 from evergym.agents.statistics import Comparison, Estimate, compare_paired, compute_wilson, resample_mean
-from evergym.errors import ConfigError
 
 __all__ = [
     "PairedResult",
     "Plan",
-    "Rehearse",
     "ReplayPolicy",
     "Trial",
     "carry_out",
@@ -220,54 +216,3 @@ def describe_trials(trials: Sequence[Trial], names: Sequence[str] | None = None)
         )
         lines.append(f"  tip error: {tip.value:+.2f} mm ({span}), p = {paired.tip_error_p_value:.2g} (Wilcoxon)")
     return "\n".join(lines)
-
-
-@dataclasses.dataclass(frozen=True)
-class Rehearse:
-    """Plan in several models, carry the plans out on a robot that is not watched, and compare how well it gets there.
-
-    Every plan is a controller's episode in the model's environment; on the robot the drives repeat it without looking.
-    """
-
-    models: tyro.conf.Positional[tuple[str, ...]]
-    """Model files to plan with, or names of shipped ones; the last is compared with the first."""
-    robot: str
-    """Model file that stands for the robot."""
-    env: str = "MammobotDuct-v0"
-    """Environment id."""
-    env_options: tuple[str, ...] = ()
-    """Further arguments of the environment as key=value."""
-    controller: str = "duty_cycle"
-    """What drives in the rehearsals."""
-    split: str = "held_out"
-    """Family of anatomies."""
-    episodes: int = 40
-    """Anatomies."""
-    seed: int = 1_000_000
-    """Seed of targets and noise."""
-
-    def run(self) -> int:
-        """Rehearse, carry out and print the comparison; returns the exit code.
-
-        Raises:
-            ConfigError: an unknown environment, controller or model.
-        """
-        from evergym.agents.progress import ProgressReport
-
-        if self.episodes < 1 or not self.models:
-            raise ConfigError(f"A comparison needs models and at least 1 episode; got episodes = {self.episodes}.")
-        total = self.episodes * len(self.models)
-        with ProgressReport("Rehearsals", total, unit="episodes") as progress:
-            trials = compare_models(
-                self.env,
-                self.robot,
-                self.models,
-                episodes=self.episodes,
-                controller=self.controller,
-                split=self.split,
-                seed=self.seed,
-                options=parse_options(self.env_options),
-                on_episode=lambda done: progress.update(done, ""),
-            )
-        print(describe_trials(trials))
-        return 0
