@@ -17,7 +17,7 @@ from evergym.envs.rendering.endoscope import EndoscopeView
 
 __all__ = ["Instruments"]
 
-_PICTURE = 256
+_PICTURE = 220
 """Side of the endoscope's picture on the page [pixels]; it is drawn smaller and enlarged."""
 _POINTS = 240
 """Points of a plot at most."""
@@ -53,7 +53,7 @@ class Instruments:
                     title=title,
                     scales={"x": viser.uplot.Scale(time=False)},
                     legend=viser.uplot.Legend(show=False),
-                    height=100,
+                    height=84,
                     padding=(8, 12, 0, 0),
                 )
 

@@ -21,9 +21,9 @@ from evergym.duct_models.peg_family import PEG_FAMILIES
 __all__ = ["PlayPage"]
 
 _SLIDERS = {
-    DriveName.INSERTION: ("Insertion, mm/s (I/K)", 0.1),
+    DriveName.INSERTION: ("Insert, mm/s (I/K)", 0.1),
     DriveName.ROLL: ("Roll, deg/s (J/L)", 1.0),
-    DriveName.PULL: ("Tendon pull, mm (O/U)", 0.1),
+    DriveName.PULL: ("Pull, mm (O/U)", 0.1),
     DriveName.PRESSURE: ("Pressure, kPa (M/N)", 0.5),
 }
 _KEYS = {
@@ -130,7 +130,7 @@ class PlayPage:
             self._button("Start again (R)", player.reset, icon=viser.Icon.ROTATE)
             self._button("Pause / go on (P)", player.pause, icon=viser.Icon.PLAYER_PAUSE)
             self._button("Save (T)", player.save, icon=viser.Icon.DEVICE_FLOPPY)
-            every = gui.add_checkbox("Save every episode at its end", player.save_all)
+            every = gui.add_checkbox("Save all", player.save_all, hint="Save every episode when it ends")
             speeds = tuple(f"{value} x" for value in SPEEDS)
             speed = gui.add_dropdown("Speed", speeds, initial_value=f"{player.speed} x")
             self._pace = gui.add_html("")

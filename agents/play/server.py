@@ -52,7 +52,7 @@ def start_server(host: str, port: int, label: str) -> viser.ViserServer:
     server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(25, 113, 194))
     # Lamps only: reflections of a warehouse would cost a machine without a graphics card most of its time.
     server.scene.configure_environment_map(None)
-    server.scene.configure_default_lights(enabled=True, cast_shadow=False)
+    server.scene.configure_default_lights(enabled=False, cast_shadow=False)
     return server
 
 

@@ -53,6 +53,9 @@ class Stage:
         self._scene = server.scene
         self._scene.set_up_direction("+y")
         self._scene.world_axes.visible = False
+        self._scene.add_light_ambient("/light/all_round", intensity=1.6)
+        for name, towards, intensity in (("key", (-1.0, 1.2, -0.6), 2.2), ("fill", (0.4, -0.6, -1.0), 0.8)):
+            self._scene.add_light_directional(f"/light/{name}", intensity=intensity, position=towards)
         self._faces = tube_faces()
         self._robot: dict[str, Any] = {}
 
@@ -168,7 +171,7 @@ class Stage:
     def _aim(self, bounds: Array, view: Array, up: tuple[float, float, float]) -> None:
         """Look from the side ``view`` at all of ``bounds`` [m], shape (2, 3); also the pages that are open already."""
         centre = bounds.mean(axis=0) * SCALE
-        distance = 1.25 * float(np.linalg.norm(bounds[1] - bounds[0])) * SCALE
+        distance = 1.6 * float(np.linalg.norm(bounds[1] - bounds[0])) * SCALE
         eye = centre + distance * view / np.linalg.norm(view)
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.up, camera.fov = tuple(eye), tuple(centre), up, np.radians(45.0)

@@ -166,6 +166,8 @@ def test_a_robot_under_ones_hands(served: tuple[subprocess.Popen[str], str], bro
     tab.wait("pull", lambda _: tab.numbers("pull")[0] > 0.1, "the tendon is pulled by keys")
     tab.page.keyboard.press("x")
     tab.wait("tip", lambda _: tab.is_still(), "X stops the robot")
+    tab.page.keyboard.press("p")
+    tab.wait_banner("Paused")
 
     # A second tab shows the same robot and can reset it for both; sockets that drop are nobody's business.
     other = Tab(browser, address)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -263,6 +265,22 @@ def test_what_is_wrong_is_said_in_one_line(
     assert expected in errors
     assert len(errors.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["play", "replay"])
+def test_help_is_light(command: str) -> None:
+    heavy = ("numba", "scipy", "torch", "vtk", "viser", "trimesh")
+    code = f"""
+import sys
+from evergym.agents.cli import main
+try:
+    main([{command!r}, "--help"])
+finally:
+    print([name for name in {heavy} if name in sys.modules])
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines()[-1] == "[]"
 
 
 @pytest.mark.parametrize("command", [["play"], ["replay", "pegs.episode.npz"]], ids=["play", "replay"])
