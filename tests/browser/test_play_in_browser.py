@@ -26,7 +26,7 @@ CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )
 PATIENCE = 600.0  # [s] until something is seen: WebGL in software on a busy machine; nothing here is a benchmark
-SIZE = {"width": 820, "height": 560}
+SIZE = {"width": 720, "height": 480}
 """Of the window while the robot moves: the less canvas, the less work without a graphics card."""
 PICTURE = {"width": 1280, "height": 860}
 
@@ -51,6 +51,7 @@ def artefacts() -> Path:
 def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """``evergym play`` in a process of its own, and the page's address."""
     words = ["play", "--family", "held_out", "--index", "0", "--port", "0", "--no-browser", "--speed", "4"]
+    words += ["--env-options", "time_limit_s=3600"]  # a slow machine must not run out of the robot's time
     code = "import sys; from evergym.agents.cli import main; sys.exit(main(sys.argv[1:]))"
     process = subprocess.Popen(
         [sys.executable, "-c", code, *words, "--folder", str(tmp_path / "episodes")],
