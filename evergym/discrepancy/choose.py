@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from evergym.discrepancy.locate import Cell
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.screen import Screening, Signature, rank_candidates
@@ -70,7 +72,7 @@ def choose_effects(
         others = [screening for screening in screenings if screening.candidate not in best.effects]
         further = rank_candidates(predictor, best.fit, others, split.use)
         pairs = _fit_promising(predictor, best, further, split, FURTHER_MAX)
-        if pairs and earns_its_place(best, pairs[0], thresholds):
+        if pairs and earns_its_place(best, pairs[0], split, thresholds):
             contenders = sorted(pairs + _swap_first(predictor, base, pairs[0], rivals, split), key=rank_score)
             best = contenders[0]
     return Choice(best, tuple(rivals), tuple(contenders))
@@ -85,13 +87,20 @@ def _swap_first(predictor: Predictor, base: Score, pair: Score, rivals: Sequence
     return [extend_score(predictor, rival, second, strength, split) for rival in others[:SWAPPED_MAX]]
 
 
-def earns_its_place(before: Score, after: Score, thresholds: Thresholds) -> bool:
-    """Return whether a further effect predicts left-out experiments better by an amount that matters."""
+def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thresholds) -> bool:
+    """Return whether a further effect predicts left-out experiments better by an amount that matters.
+
+    It must also fit the experiments that it was fitted to that much better: one that only steadies the strength of the
+    first, by a free parameter more, is none.
+    """
     gain = 0.5 * (before.validation.total - after.validation.total)
+    noise = float(split.use.sum())
+    fitted_before, fitted_after = (float(np.sum(one.fit.residual[split.use] ** 2)) - noise for one in (before, after))
     return (
         gain >= thresholds.further_gain_min
         and after.excess <= thresholds.further_share_max * before.excess
         and before.excess - after.excess >= thresholds.further_excess_min
+        and fitted_after <= thresholds.further_fit_max * fitted_before
     )
 
 

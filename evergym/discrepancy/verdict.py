@@ -53,6 +53,7 @@ class Thresholds:
         tie_offset: The same, as an absolute excess [sigma^2].
         further_gain_min: Half the chi-squares that left-out experiments must gain from a further effect.
         further_share_max: Share of the excess that a further effect may leave.
+        further_fit_max: Share of what the first effect leaves over in its own fit that a further one may leave.
         further_excess_min: Excess [sigma^2] that a further effect must take away.
         kept_min: Share of a signature that recalibration must leave over for the effect to be identifiable.
         size_min: Norm of what recalibration leaves over of the typical signature [sigma], for an effect to count as
@@ -69,6 +70,7 @@ class Thresholds:
     tie_offset: float = 0.02
     further_gain_min: float = 24.0
     further_share_max: float = 0.5
+    further_fit_max: float = 0.5
     further_excess_min: float = 0.1
     kept_min: float = 0.1
     size_min: float = 6.0
