@@ -21,10 +21,10 @@ from evergym.duct_models.peg_family import PEG_FAMILIES
 __all__ = ["PlayPage"]
 
 _SLIDERS = {
-    DriveName.INSERTION: ("Insert, mm/s (I/K)", 0.1),
-    DriveName.ROLL: ("Roll, deg/s (J/L)", 1.0),
-    DriveName.PULL: ("Pull, mm (O/U)", 0.1),
-    DriveName.PRESSURE: ("Pressure, kPa (M/N)", 0.5),
+    DriveName.INSERTION: ("Insert, mm/s (I, K)", 0.1),
+    DriveName.ROLL: ("Roll, deg/s (J, L)", 1.0),
+    DriveName.PULL: ("Pull, mm (O, U)", 0.1),
+    DriveName.PRESSURE: ("Pressure, kPa (M, N)", 0.5),
 }
 _KEYS = {
     "I": (DriveName.INSERTION, 1),

@@ -33,7 +33,7 @@ COLOURS = {
     "wall": (226, 121, 128),
     "peg": (140, 150, 166),
     "sheath": (77, 171, 247),
-    "catheter": (43, 48, 56),
+    "catheter": (73, 80, 87),
     "tendon": (245, 159, 0),
     "target": (47, 158, 68),
     "contact": (224, 49, 49),
@@ -61,20 +61,18 @@ class Stage:
 
     def place(self, scene: Duct | PegField, target: tuple[float, float, float], way: Array, frame: Frame) -> None:
         """Build a place with the robot in it, and point the cameras at it."""
-        for name in ("/place", "/robot", "/wall"):
+        for name in ("/place", "/robot"):
             self._scene.remove_by_name(name)
-        # Of translucent things the later ones are drawn over the earlier ones: far wall, robot, near wall.
         if isinstance(scene, Duct):
             bounds = np.asarray(scene.mesh.bounds)
-            self._add_wall(scene, "/place/far_wall", side="back", opacity=0.75)
+            # The half that faces the viewer is left out: it would hide the translucent sheath behind its depth.
+            self._add_wall(scene, "/place/wall", side="back", opacity=0.75)
             view, up = np.array((-1.0, 0.4, -0.45)), (0.0, 1.0, 0.0)
         else:
             bounds = self._add_pegs(scene, way)
             view, up = np.array((-0.55, 1.0, -0.35)), (0.0, 1.0, 0.0)
         self._add_target(target, way)
         self._add_robot(frame)
-        if isinstance(scene, Duct):
-            self._add_wall(scene, "/wall/near", side="front", opacity=0.16)
         self._aim(bounds, view, up)
         self.show(frame)
 
@@ -153,7 +151,7 @@ class Stage:
         """Add the robot's parts, still without their shapes: `show` gives them these."""
         still = _single(sweep_round_tip(frame.pose.shape, 1 * MM, 0.1 * MM))
         how: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
-        for name, opacity in (("catheter", None), ("tendon", None), ("sheath", 0.45)):
+        for name, opacity in (("catheter", None), ("tendon", None), ("sheath", 0.55)):
             self._robot[name] = self._scene.add_mesh_simple(
                 f"/robot/{name}", still, self._faces, color=COLOURS[name], opacity=opacity, **how
             )
