@@ -40,6 +40,7 @@ from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
 from evergym.discrepancy.setting import Setting
+from evergym.discrepancy.typical import measure_rig, scale_candidates
 from evergym.discrepancy.verdict import NamedEffect, Thresholds, Verdict, decide, is_excited, worst_cell
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model, save_model
@@ -152,7 +153,8 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         base = score_fit(predictor, calibration.fit, split)
 
     tell("screening", 0.25)
-    candidates = find_candidates(model, predictor.user_effects)
+    found = find_candidates(model, predictor.user_effects)
+    candidates = scale_candidates(found, measure_rig(model.robot, dataset.runs))
     space = sensitivity.space
     reference = evaluate_fit(predictor, space, np.zeros(space.size), sensitivity.jacobian)
     screenings = screen_candidates(predictor, reference, candidates, split.use)
