@@ -50,7 +50,7 @@ def artefacts() -> Path:
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """``evergym play`` in a process of its own, and the page's address."""
-    words = ["play", "--family", "held_out", "--index", "0", "--port", "0", "--no-browser", "--speed", "4"]
+    words = ["play", "--family", "held_out", "--index", "0", "--port", "0", "--no-browser", "--speed", "2"]
     words += ["--env-options", "time_limit_s=3600"]  # a slow machine must not run out of the robot's time
     code = "import sys; from evergym.agents.cli import main; sys.exit(main(sys.argv[1:]))"
     process = subprocess.Popen(
@@ -180,7 +180,8 @@ def test_a_robot_under_ones_hands(served: tuple[subprocess.Popen[str], str], bro
 
     # Hand over in one tab, reload the other in mid-episode.
     other.page.keyboard.press("c")
-    other.wait_banner("The duty cycle drives")
+    # On a starved machine the page may be read so seldom that the drive is over before it is seen.
+    other.wait("banner", lambda text: "duty cycle drives" in text or "Target reached" in text, "the controller drives")
     other.take_picture(artefacts / "2-duty-cycle.png")
     tab.page.reload(wait_until="commit")
     other.wait_banner("Target reached")
