@@ -161,7 +161,7 @@ def run_commands(text: str, folder: Path, place: str) -> None:
                 env={**os.environ, "PATH": path},
                 capture_output=True,
                 text=True,
-                timeout=120,
+                timeout=600,
                 check=False,
             )
             code = ended.returncode
