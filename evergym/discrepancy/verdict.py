@@ -60,7 +60,7 @@ class Thresholds:
             excited.
     """
 
-    share_min: float = 0.83
+    share_min: float = 0.77
     gain_min: float = 12.0
     cell_min: float = 1.5
     rest_cell_min: float = 1.5

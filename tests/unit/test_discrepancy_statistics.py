@@ -225,7 +225,7 @@ def make_score(excess: float, total: float, effects: tuple[Candidate, ...] = ())
         (20.0, 0.1, 0.4, Verdict.EFFECT),
         (20.0, 0.5, 2.0, Verdict.EFFECT_AND_UNKNOWN_REST),
         (20.0, 5.0, 10.0, Verdict.UNKNOWN_EFFECT),  # it resembles what is missing, and leaves half of it somewhere
-        (20.0, 20.0, 4.0, Verdict.UNKNOWN_EFFECT),  # less than 0.83 explained
+        (20.0, 25.0, 4.0, Verdict.UNKNOWN_EFFECT),  # less than 0.77 explained
     ],
 )
 def test_verdict_follows_from_what_is_explained_and_what_remains(
