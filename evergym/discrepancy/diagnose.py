@@ -139,7 +139,9 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     measurement = predictor.measurement = Measurement(dataset, noise, numerics.spread)
     tell("recalibration", 0.04)
     sensitivity = find_sensitivity(predictor, Setting(model))
-    split = split_samples(dataset, measurement, sensitivity.jacobian)
+    space = sensitivity.space
+    reference = evaluate_fit(predictor, space, np.zeros(space.size), sensitivity.jacobian)
+    split = split_samples(predictor, reference)
     calibration = calibrate(predictor, sensitivity, split.use)
     base = score_fit(predictor, calibration.fit, split)
 
@@ -155,8 +157,6 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     tell("screening", 0.25)
     found = find_candidates(model, predictor.user_effects)
     candidates = scale_candidates(found, measure_rig(model.robot, dataset.runs))
-    space = sensitivity.space
-    reference = evaluate_fit(predictor, space, np.zeros(space.size), sensitivity.jacobian)
     screenings = screen_candidates(predictor, reference, candidates, split.use)
     signatures = rank_candidates(predictor, reference, screenings, split.use, calibration.fit)
     classes = group_equivalent(signatures, split.use)
@@ -224,11 +224,21 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     )
 
 
-def split_samples(dataset: Dataset, measurement: Measurement, jacobian: Array) -> Split:
-    """Set whole experiments aside to judge by; the others choose and fit."""
-    held_out = choose_held_out(dataset, measurement, jacobian)
+def split_samples(predictor: Predictor, reference: Fit) -> Split:
+    """Set whole experiments aside to judge by; the others choose and fit.
+
+    Args:
+        predictor: Simulations.
+        reference: The model as given.
+    """
+    dataset, measurement = predictor.dataset, predictor.measurement
+    overall = fit_space(predictor, reference.space, reference.z, None, reference.jacobian, [], OVERALL_ITERATIONS)
+    count = len(measurement.experiments)
+    chi2 = np.bincount(measurement.experiment, overall.residual**2, minlength=count)
+    excess = chi2 - np.bincount(measurement.experiment, minlength=count)
+    held_out = choose_held_out(dataset, measurement, reference.jacobian, np.sqrt(np.maximum(excess, 0.0)))
     use = ~np.isin(measurement.experiment, held_out)
-    folds = tuple(i for i in range(len(measurement.experiments)) if i not in held_out)
+    folds = tuple(i for i in range(count) if i not in held_out)
     return Split(use, folds, held_out)
 
 

@@ -1,4 +1,4 @@
-"""Choose the experiments that are neither used to choose nor to fit: from commands and model, before any comparison."""
+"""Choose the experiments that are neither used to choose nor to fit, before any effect is looked at."""
 
 from __future__ import annotations
 
@@ -21,19 +21,25 @@ SHARE = 0.25
 COVER_MAX = 0.6
 """No regime should have more than this share of its samples in the experiments held out."""
 COMBINATIONS_MAX = 5_000
-LOST_WEIGHT, SPREAD_WEIGHT = 5.0, 1.0
+DISAGREEMENT = (0.1, 0.4)
+"""Share of the disagreement that should be held out: an effect that shows only there cannot be found, and one that does
+not show there cannot be tested."""
+LOST_WEIGHT, SPREAD_WEIGHT, DISAGREEMENT_WEIGHT = 5.0, 1.0, 3.0
 
 
-def choose_held_out(dataset: Dataset, measurement: Measurement, jacobian: Array) -> tuple[int, ...]:
+def choose_held_out(
+    dataset: Dataset, measurement: Measurement, jacobian: Array, disagreement: Array
+) -> tuple[int, ...]:
     """Return the indices of the experiments to hold out, about a quarter; none if there are fewer than three.
 
-    Those are held out that the others prepare for best: every regime is in the others too, and the nominal parameters
-    that they need are known from the others. Nothing that was measured enters.
+    Those are held out that the others prepare for best: every regime is in the others too, the nominal parameters
+    that they need are known from the others, and so is most of what the recalibrated model leaves unexplained.
 
     Args:
         dataset: The runs.
         measurement: The samples.
         jacobian: Change of the whitened prediction by one tolerance of each nominal parameter, (n, m).
+        disagreement: How far off the recalibrated model is in each experiment [sigma, all its samples together], (e,).
     """
     count = len(measurement.experiments)
     if count < 3:
@@ -57,6 +63,9 @@ def choose_held_out(dataset: Dataset, measurement: Measurement, jacobian: Array)
         samples = sum(len(rows[k]) for k in chosen)
         variance = float(np.sum(covariance * spread[list(chosen)].sum(axis=0))) / max(samples, 1)
         penalty = LOST_WEIGHT * lost + float(np.mean(np.abs(share - SHARE))) + SPREAD_WEIGHT * math.sqrt(variance)
+        if disagreement.sum() > 0.0:
+            off = float(disagreement[list(chosen)].sum() / disagreement.sum())
+            penalty += DISAGREEMENT_WEIGHT * max(DISAGREEMENT[0] - off, off - DISAGREEMENT[1], 0.0)
         if best is None or penalty < best[0] - 1e-12:
             best = penalty, chosen
     assert best is not None

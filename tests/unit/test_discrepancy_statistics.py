@@ -163,16 +163,30 @@ def test_held_out_experiments_leave_every_regime_to_learn_from() -> None:
     runs = [make_run(f"r{k}", f"e{k}", ramp if k in (1, 4) else np.zeros(60), rng.normal(size=60)) for k in range(8)]
     dataset = make_dataset(runs)
     measurement = Measurement(dataset, estimate_noise(dataset))
-    held_out = choose_held_out(dataset, measurement, rng.normal(size=(measurement.size, 3)))
+    held_out = choose_held_out(dataset, measurement, rng.normal(size=(measurement.size, 3)), np.zeros(8))
     assert len(held_out) == 2
     assert not {1, 4} <= set(held_out)
+
+
+def test_disagreement_is_there_to_learn_from_and_to_test() -> None:
+    rng = np.random.default_rng(6)
+    runs = [make_run(f"r{k}", f"e{k}", np.zeros(60), rng.normal(size=60)) for k in range(8)]
+    dataset = make_dataset(runs)
+    measurement = Measurement(dataset, estimate_noise(dataset))
+    jacobian = rng.normal(size=(measurement.size, 3))
+    first = choose_held_out(dataset, measurement, jacobian, np.zeros(8))
+    for others in ((), tuple(k for k in range(8) if k not in first)[:2]):
+        off = np.zeros(8)
+        off[[*first, *others]] = 10.0
+        held_out = set(choose_held_out(dataset, measurement, jacobian, off))
+        assert len(held_out & set(np.flatnonzero(off))) == 1
 
 
 def test_too_few_experiments_hold_none_out() -> None:
     runs = [make_run(f"r{k}", f"e{k}", np.zeros(60), np.zeros(60)) for k in range(2)]
     dataset = make_dataset(runs)
     measurement = Measurement(dataset, estimate_noise(dataset))
-    assert choose_held_out(dataset, measurement, np.zeros((measurement.size, 0))) == ()
+    assert choose_held_out(dataset, measurement, np.zeros((measurement.size, 0)), np.zeros(2)) == ()
 
 
 def test_regimes_follow_the_commands() -> None:
