@@ -84,9 +84,17 @@ def is_off(model: Model, name: str) -> bool:
     return all(get_value(model, f"effects.{name}.{key}") == value for key, value in off.items())
 
 
-def find_candidates(model: Model, user_effects: Mapping[str, UserEffect] | None = None) -> list[Candidate]:
-    """Return every effect that the model has off, and the user's own."""
-    candidates = [make_candidate(name) for name in EFFECTS if is_off(model, name)]
+def find_candidates(
+    model: Model, user_effects: Mapping[str, UserEffect] | None = None, faint: Sequence[str] = ()
+) -> list[Candidate]:
+    """Return every effect that the model has off, and the user's own.
+
+    Args:
+        model: The model.
+        user_effects: The user's own, by name.
+        faint: Effects that are on so weakly that they are candidates, too, from the strength that they have.
+    """
+    candidates = [make_candidate(name, model) for name in EFFECTS if is_off(model, name) or name in faint]
     for name, effect in (user_effects or {}).items():
         infos = {f"user.{name}.{key}": info for key, info in effect.parameters.items()}
         off = {f"user.{name}.{key}": value for key, value in effect.off.items()}
@@ -95,16 +103,22 @@ def find_candidates(model: Model, user_effects: Mapping[str, UserEffect] | None 
     return candidates
 
 
-def make_candidate(name: str) -> Candidate:
+def make_candidate(name: str, model: Model | None = None) -> Candidate:
     """Return an effect of the catalogue as a candidate.
 
     Its unknowns are those of the catalogue, further amplitudes (an effect may act in several ways) and its direction;
     the rest keeps what is typical.
+
+    Args:
+        name: Of the effect.
+        model: The model that lacks it, whose strengths are those at z = 0; None: off.
     """
     kind = EFFECTS[name]
     info = kind.info
     prefix = f"effects.{name}."
     off = {prefix + key: value for key, value in info.off.items()}
+    if model is not None:
+        off = {path: value if isinstance(value, bool) else get_value(model, path) for path, value in off.items()}
     defaults = {prefix + field.name: field.default for field in dataclasses.fields(kind)}
     typical = {**defaults, **off, **{prefix + key: value for key, value in info.typical.items()}}
     further = [path for path, value in off.items() if not isinstance(value, bool)]

@@ -40,7 +40,7 @@ from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
 from evergym.discrepancy.setting import Setting
-from evergym.discrepancy.typical import measure_rig, scale_candidates
+from evergym.discrepancy.typical import find_faint, measure_rig, scale_candidates
 from evergym.discrepancy.verdict import NamedEffect, Thresholds, Verdict, decide, is_excited, worst_cell
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model, save_model
@@ -155,8 +155,9 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         base = score_fit(predictor, calibration.fit, split)
 
     tell("screening", 0.25)
-    found = find_candidates(model, predictor.user_effects)
-    candidates = scale_candidates(found, measure_rig(model.robot, dataset.runs))
+    scale = measure_rig(model.robot, dataset.runs)
+    found = find_candidates(model, predictor.user_effects, find_faint(model, scale))
+    candidates = scale_candidates(found, scale)
     screenings = screen_candidates(predictor, reference, candidates, split.use)
     signatures = rank_candidates(predictor, reference, screenings, split.use, calibration.fit)
     classes = group_equivalent(signatures, split.use)

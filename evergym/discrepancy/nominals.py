@@ -9,6 +9,7 @@ from evergym.discrepancy.candidates import is_off
 from evergym.discrepancy.dataset import Run
 from evergym.discrepancy.parameters import find_info, get_value, list_paths
 from evergym.discrepancy.space import Axis
+from evergym.discrepancy.typical import find_faint, measure_rig
 from evergym.model import Model
 
 __all__ = ["BOUND", "find_nominals", "find_tolerance"]
@@ -67,16 +68,17 @@ def find_tolerance(path: str, value: float) -> float:
 def find_nominals(model: Model, runs: Sequence[Run] = ()) -> list[Axis]:
     """Return the parameters that the model sets and that can be a little wrong: numbers that are not zero.
 
-    Parameters of effects that are off, limits of the drives and numerical constants are none; nor are those of contact
-    where no run touches anything.
+    Parameters of effects that are off or as good as off, limits of the drives and numerical constants are none; nor are
+    those of contact where no run touches anything.
     """
+    faint = find_faint(model, measure_rig(model.robot, runs))
     touching = not runs or any(run.environment != "free" for run in runs)
     axes = []
     for path in list_paths():
         table, *rest = path.split(".")
         if table not in ("robot", "effects") or path in LIMITS:
             continue
-        if table == "effects" and (is_off(model, rest[0]) or (rest[0] in CONTACT and not touching)):
+        if table == "effects" and (is_off(model, rest[0]) or rest[0] in faint or (rest[0] in CONTACT and not touching)):
             continue
         value, info = get_value(model, path), find_info(path)
         if isinstance(value, bool) or not isinstance(value, float) or value == 0.0:

@@ -15,16 +15,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evergym.discrepancy.candidates import Candidate
+from evergym.discrepancy.candidates import Candidate, is_off
 from evergym.discrepancy.columns import COMMANDS
 from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.parameters import get_value
+from evergym.effects.catalogue import EFFECTS
+from evergym.model import Model
 from evergym.robot import RobotConfig
 from evergym.units import MM, MPA, UM
 
-__all__ = ["RigScale", "find_factor", "measure_rig", "scale_candidates"]
+__all__ = ["RigScale", "find_factor", "find_faint", "list_factors", "measure_rig", "scale_candidates"]
 
 REFERENCE = RobotConfig()
 """The robot for which the catalogue's typical strengths are visible."""
+FAINT = 0.1
+"""An effect at this share of its visible strength, or less, is as good as missing."""
 STEP = 4.0
 """Factors are powers of this: a fit finds its way over less, and robots much like the 2023 one are left alone."""
 
@@ -78,6 +83,30 @@ def measure_rig(robot: RobotConfig, runs: Sequence[Run]) -> RigScale:
 def scale_candidates(candidates: Sequence[Candidate], scale: RigScale) -> list[Candidate]:
     """Return the candidates with visible strengths for a rig; their starts, counted in those, stay as they are."""
     return [_scale_candidate(candidate, scale) for candidate in candidates]
+
+
+def find_faint(model: Model, scale: RigScale) -> list[str]:
+    """Return the effects that a model has on so weakly that they may be missing all the same.
+
+    A line that a lab takes for nearly rigid is within its tolerance of nearly rigid, and never of a soft one.
+
+    Args:
+        model: With the dataset's overrides.
+        scale: Of the rig.
+    """
+    return [name for name in EFFECTS if not is_off(model, name) and _is_faint(model, name, scale)]
+
+
+def _is_faint(model: Model, name: str, scale: RigScale) -> bool:
+    info = EFFECTS[name].info
+    for key, off in info.off.items():
+        path = f"effects.{name}.{key}"
+        value, typical = get_value(model, path), info.typical.get(key, off)
+        if value == off:
+            continue
+        if isinstance(off, bool) or abs(value - off) > FAINT * abs(typical - off) * find_factor(path, scale):
+            return False
+    return True
 
 
 def find_factor(path: str, scale: RigScale) -> float:

@@ -11,10 +11,14 @@ import pytest
 from evergym.discrepancy.candidates import find_candidates
 from evergym.discrepancy.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.nominals import find_nominals
+from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.playback import find_pressure_settling
 from evergym.discrepancy.profiles import list_profiles
 from evergym.discrepancy.schedule import find_events, plan_steps
-from evergym.discrepancy.typical import RigScale, find_factor, list_factors, measure_rig, scale_candidates
+from evergym.discrepancy.setting import Setting
+from evergym.discrepancy.space import Space
+from evergym.discrepancy.typical import RigScale, find_factor, find_faint, list_factors, measure_rig, scale_candidates
 from evergym.model import Model, load_model
 from evergym.robot import RobotConfig
 
@@ -130,3 +134,25 @@ def test_the_next_experiment_asks_no_more_of_a_rig_than_it_was_seen_to_do() -> N
     commands = np.concatenate([profile.run.commands for profile in list_profiles(idle, MODEL.robot)])
     # Never more tail than the drive can feed: twice the insertion.
     assert commands[:, COMMANDS.index("insertion_mm_s")].max() == pytest.approx(0.5 * MODEL.robot.feed_max_mm_s)
+
+
+def test_an_effect_as_good_as_off_is_a_candidate_from_what_it_is_and_no_nominal_parameter() -> None:
+    path = "effects.tendon_stretch.compliance_mm_per_n"
+    assert find_faint(MODEL, RigScale()) == []
+    model = set_values(MODEL, {path: 0.02})
+    faint = find_faint(model, RigScale())
+    assert faint == ["tendon_stretch"]
+    assert path in {axis.path for axis in find_nominals(MODEL)}
+    assert path not in {axis.path for axis in find_nominals(model)}
+    candidate = next(one for one in find_candidates(model, faint=faint) if one.name == "tendon_stretch")
+    space = Space(Setting(model), candidate.axes, candidate.fixed)
+    assert space.setting(np.zeros(candidate.size)).model == model
+    assert space.values(candidate.starts[0])[path] == pytest.approx(0.26)
+
+
+def test_what_is_faint_follows_the_rig() -> None:
+    """A droop that no one would notice on the 2023 robot stops a tube that grows thirty times as fast."""
+    model = dataclasses.replace(set_values(MODEL, {"effects.pressure_droop.resistance_kpa_s_mm": 0.05}), robot=TUBE)
+    assert "pressure_droop" in find_faint(model, RigScale())
+    scale = RigScale(pressure=0.4, speed=34.0)
+    assert "pressure_droop" not in find_faint(model, scale)
