@@ -21,6 +21,8 @@ _PICTURE = 220
 """Side of the endoscope's picture on the page [pixels]; it is drawn smaller and enlarged."""
 _POINTS = 240
 """Points of a plot at most."""
+_TICK_SPACE = 16
+"""Least height between two values on an axis [pixels]: the plots are low."""
 _PLOTS = (
     ("pressure_kpa", "pressure [kPa]", "#1971c2", 20.0),
     ("everted_length_mm", "everted length [mm]", "#2f9e44", 10.0),
@@ -53,7 +55,8 @@ class Instruments:
                     title=title,
                     scales={"x": viser.uplot.Scale(time=False)},
                     legend=viser.uplot.Legend(show=False),
-                    height=84,
+                    axes=(viser.uplot.Axis(), viser.uplot.Axis(space=_TICK_SPACE, size=44)),
+                    height=92,
                     padding=(8, 12, 0, 0),
                 )
 
