@@ -17,7 +17,15 @@ from evergym.discrepancy.space import Axis
 from evergym.effects.catalogue import EFFECTS
 from evergym.model import Model
 
-__all__ = ["ROUNDING_FINE", "Candidate", "find_candidates", "is_off", "make_candidate", "with_frequencies"]
+__all__ = [
+    "ROUNDING_FINE",
+    "ROUNDING_RESOLUTION",
+    "Candidate",
+    "find_candidates",
+    "is_off",
+    "make_candidate",
+    "with_frequencies",
+]
 
 Array = NDArray[np.float64]
 
@@ -30,7 +38,8 @@ SCALE_HZ = 0.1
 ROUNDING_EFFECT = "angle_quantisation"
 ROUNDING = tuple(0.05 * k for k in range(4, 51))
 """Steps of a rounded reading that are tried, in units of the typical one: only the true one has the true levels."""
-ROUNDING_FINE = tuple(1.0 + 0.002 * k for k in range(-20, 21))
+ROUNDING_RESOLUTION = 0.002
+ROUNDING_FINE = tuple(1.0 + ROUNDING_RESOLUTION * k for k in range(-20, 21))
 """Multiples of the best of them that are tried next."""
 SHAPES = (0.0, -1.2, 2.0)
 """Starts of a parameter that shapes an effect: typical, 0.4 and 2 times as much."""

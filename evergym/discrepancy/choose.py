@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from evergym.discrepancy.calibrate import refine
+from evergym.discrepancy.fit import Fit, evaluate_fit
 from evergym.discrepancy.locate import Cell
+from evergym.discrepancy.numerics_check import measure_spread
 from evergym.discrepancy.predict import Predictor
+from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.screen import Screening, Signature, rank_candidates
-from evergym.discrepancy.select import Score, Split, extend_score, fit_candidates, rank_score
+from evergym.discrepancy.select import Score, Split, extend_score, fit_candidates, rank_score, score_fit
 from evergym.discrepancy.verdict import Thresholds, worst_cell
 
 __all__ = ["Choice", "choose_effects"]
+
+Array = NDArray[np.float64]
 
 FITTED_MAX = 5
 """Candidates that are fitted in the loop."""
@@ -25,8 +32,15 @@ GAIN_MIN = 1.0
 SWAPPED_MAX = 3
 """First effects that are tried in place of the best one, once there is a second."""
 
+WIDER_MIN = 1.3
+"""How many times as large some sample's sigma must be with what discretisation does to an effect, to look again."""
+REFITTED_MAX = 2
+"""Candidates that are fitted anew then."""
+FORM_DOUBT_MAX = 0.2
+"""How far off a right effect may be because its law has another form, as a share of what it changes. Prior."""
+
 Mapper = Callable[[Score], list[Cell]]
-"""Draws the map of disagreement of a fitted model."""
+"""Draws the map of disagreement of a fitted model, by the predictor's present measurement."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +48,13 @@ class Choice:
     """The chosen model, and what it was chosen from.
 
     Attributes:
-        best: With no, one or several effects.
+        base: The recalibrated model.
+        best: The model with no, one or several effects.
         rivals: Models with one effect, the best first.
         contenders: Models with as many effects as the best one.
     """
 
+    base: Score
     best: Score
     rivals: tuple[Score, ...]
     contenders: tuple[Score, ...]
@@ -55,6 +71,8 @@ def choose_effects(
 ) -> Choice:
     """Return the best model, with no, one or several effects, and what it was compared with.
 
+    What discretisation does to an effect that is looked at is noise from then on, in the predictor's measurement.
+
     Args:
         predictor: Simulations.
         base: The recalibrated model.
@@ -66,16 +84,111 @@ def choose_effects(
     """
     rivals = _fit_promising(predictor, base, signatures, split, FITTED_MAX)
     if not rivals:
-        return Choice(base, (), ())
+        return Choice(base, base, (), ())
+    screened = predictor.measurement
+    if worst_cell(draw_map(rivals[0])) >= thresholds.rest_cell_min:
+        base, rivals = _recheck_numerics(predictor, base, rivals, split)
     best, contenders = rivals[0], rivals
     if worst_cell(draw_map(best)) >= thresholds.rest_cell_min:
-        others = [screening for screening in screenings if screening.candidate not in best.effects]
-        further = rank_candidates(predictor, best.fit, others, split.use)
-        pairs = _fit_promising(predictor, best, further, split, FURTHER_MAX)
-        if pairs and earns_its_place(best, pairs[0], split, thresholds):
-            contenders = sorted(pairs + _swap_first(predictor, base, pairs[0], rivals, split), key=rank_score)
+        pair = _find_second(predictor, base, best, screenings, screened, split, thresholds, draw_map)
+        if pair is not None:
+            contenders = sorted([pair, *_swap_first(predictor, base, pair, rivals, split)], key=rank_score)
             best = contenders[0]
-    return Choice(best, tuple(rivals), tuple(contenders))
+    return Choice(base, best, tuple(rivals), tuple(contenders))
+
+
+def _recheck_numerics(
+    predictor: Predictor, base: Score, rivals: Sequence[Score], split: Split
+) -> tuple[Score, list[Score]]:
+    """Count what discretisation does to the best model as noise, too, and return all scores as they are then."""
+    before = predictor.measurement
+    best = rivals[0].fit
+    after = before.widen(measure_spread(predictor, best.space.setting(best.z)))
+    if float(np.max(after.sigma / before.sigma, initial=1.0)) < WIDER_MIN:
+        return base, list(rivals)
+    predictor.measurement = after
+    base = score_fit(predictor, _rewhiten(predictor, base.fit, before, split), split)
+    scores = []
+    for rank, rival in enumerate(rivals):
+        fit = _rewhiten(predictor, rival.fit, before, split)
+        if rank < REFITTED_MAX:
+            fit = refine(predictor, fit, split.use)
+        scores.append(score_fit(predictor, fit, split, rival.effects, rival.signature, base))
+    return base, sorted(scores, key=rank_score)
+
+
+def _find_second(
+    predictor: Predictor,
+    base: Score,
+    first: Score,
+    screenings: Sequence[Screening],
+    screened: Measurement,
+    split: Split,
+    thresholds: Thresholds,
+    draw_map: Mapper,
+) -> Score | None:
+    """Return the model with a second effect that earns its place, or None.
+
+    What the first effect changes is taken to be uncertain by a share of itself: where its law has another form, what
+    it leaves over is no second effect, and must not hide one that acts elsewhere.
+    """
+    plain = predictor.measurement
+    change = _find_change(predictor, base, first)
+    doubtful = plain.add_doubt(_judge_form(predictor, first, change, split) * np.abs(change))
+    others = [screening for screening in screenings if screening.candidate not in first.effects]
+    predictor.measurement = doubtful
+    try:
+        fit = _rewhiten(predictor, first.fit, plain, split)
+        before = score_fit(predictor, fit, split, first.effects, base=score_fit(predictor, fit, split, first.effects))
+        if worst_cell(draw_map(before)) < thresholds.rest_cell_min:
+            return None
+        others = [
+            replace(one, columns=tuple((z, doubtful.whiten(screened.restore(column))) for z, column in one.columns))
+            for one in others
+        ]
+        # As the first one, a second effect is searched with the nominals as given: fitted ones make up for its absence.
+        space = before.fit.space
+        effects = np.arange(space.size) >= base.fit.space.size
+        reference = evaluate_fit(predictor, space, np.where(effects, before.fit.z, 0.0), before.fit.jacobian)
+        further = rank_candidates(predictor, reference, others, split.use, before.fit)
+        pairs = _fit_promising(predictor, before, further, split, FURTHER_MAX)
+        if not pairs or not earns_its_place(before, pairs[0], split, thresholds):
+            return None
+    finally:
+        predictor.measurement = plain
+    fit = refine(predictor, _rewhiten(predictor, pairs[0].fit, doubtful, split), split.use)
+    return score_fit(predictor, fit, split, pairs[0].effects, pairs[0].signature, first)
+
+
+def _find_change(predictor: Predictor, base: Score, score: Score) -> Array:
+    """Return what the effects of a model change [channel's unit], (n,), its nominal parameters as they are."""
+    space = base.fit.space
+    change = score.fit.prediction - predictor.predict(space.setting(score.fit.z[: space.size]))
+    return np.where(np.isfinite(change), change, 0.0)
+
+
+def _judge_form(predictor: Predictor, score: Score, change: Array, split: Split) -> float:
+    """Return how far off the law of an effect may be, as a share of ``change`` (n,): what it leaves over where it acts.
+
+    The median of the experiments is taken: in some of them something else may act as well.
+    """
+    changed, rest = predictor.measurement.whiten(change) ** 2, score.fit.residual**2
+    shares = []
+    for experiment in split.folds:
+        rows = (predictor.measurement.experiment == experiment) & split.use
+        count, acted = float(rows.sum()), float(np.sum(changed[rows]))
+        if acted > count:
+            shares.append(np.sqrt(max(float(np.sum(rest[rows])) - count, 0.0) / acted))
+    return min(float(np.median(shares)), FORM_DOUBT_MAX) if shares else FORM_DOUBT_MAX
+
+
+def _rewhiten(predictor: Predictor, fit: Fit, before: Measurement, split: Split) -> Fit:
+    """Return a fit made with the measurement ``before`` as it is with the predictor's."""
+    measurement = predictor.measurement
+    residual = measurement.whiten(before.restore(fit.residual))
+    jacobian = measurement.whiten(before.restore(fit.jacobian))
+    cost = 0.5 * float(np.sum(residual[split.use] ** 2) + fit.space.prior_precision @ fit.z**2)
+    return replace(fit, residual=residual, jacobian=jacobian, cost=cost)
 
 
 def _swap_first(predictor: Predictor, base: Score, pair: Score, rivals: Sequence[Score], split: Split) -> list[Score]:

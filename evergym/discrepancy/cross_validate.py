@@ -1,7 +1,8 @@
 """Leave whole experiments out: take an effect's strength from the other experiments, and see how far off it then is.
 
 The nominal parameters stay as fitted to all experiments, for every model alike: what is tested is the effect. (With the
-nominal parameters left out too, most of the error would be that of a stiffness which only one experiment shows.)
+nominal parameters left out too, most of the error would be that of a stiffness which only one experiment shows; and a
+strength that moves with them and is then judged without them is off wherever recalibration nearly does what it does.)
 The refits are linear about the fit, from its Jacobian; the experiment left out is then simulated at the refitted
 strength, which costs one simulation of every run in all. Experiments are left out whole: rows of one experiment say
 nearly the same, and random rows would let any candidate win.
@@ -38,7 +39,7 @@ class CrossValidation:
     Attributes:
         residual: Whitened, of every sample, (n,); zero outside the folds.
         chi2: Sum of squares by experiment, (e,).
-        z: Unknowns fitted without each experiment, (e, m).
+        z: All unknowns, nominal parameters included, fitted without each experiment, (e, m).
     """
 
     residual: Array
@@ -86,11 +87,18 @@ def cross_validate(
     chi2, unknowns = np.zeros(len(rows)), np.zeros((len(rows), size))
     for k, part in enumerate(rows):
         step = np.zeros(size)
+        others = normal - normals[k], gradient - gradients[k]
         if size:
-            others = normal - normals[k], gradient - gradients[k]
-            step = solve_normal(*others, doubt, fit.z, (low, high), centre=centre)
-        unknowns[k] = fit.z + step
-        step[:nominals] = 0.0
+            unknowns[k] = fit.z + solve_normal(*others, doubt, fit.z, (low, high), centre=centre)
+        if size > nominals:
+            step[nominals:] = solve_normal(
+                others[0][nominals:, nominals:],
+                others[1][nominals:],
+                doubt[nominals:],
+                fit.z[nominals:],
+                (low[nominals:], high[nominals:]),
+                centre=centre[nominals:],
+            )
         residual[part] = fit.residual[part] - fit.jacobian[part] @ step
         if simulate is not None and np.any(np.abs(step) > STEP_MIN):
             residual[part] = simulate(fit.z + step, part)

@@ -146,7 +146,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     base = score_fit(predictor, calibration.fit, split)
 
     def draw_map(score: Score) -> list[Cell]:
-        return map_disagreement(dataset, measurement, score.fit, split.use)
+        return map_disagreement(dataset, predictor.measurement, score.fit, split.use)
 
     cells = draw_map(base)
     focus = select_significant(dataset, measurement, cells)
@@ -164,9 +164,11 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     excited = is_excited(signatures, thresholds)
 
     tell("fits", 0.5)
-    choice = Choice(base, (), ())
+    choice = Choice(base, base, (), ())
     if worst_cell(cells) >= thresholds.cell_min:
         choice = choose_effects(predictor, base, signatures, screenings, split, thresholds, draw_map)
+        base, measurement = choice.base, predictor.measurement
+        cells = draw_map(base)
     chosen = choice.best
     verdict = decide(base, chosen, cells, draw_map(chosen), excited, thresholds)
     if verdict not in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):

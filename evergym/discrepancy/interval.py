@@ -1,4 +1,7 @@
-"""Intervals of the fitted parameters: the jackknife over whole experiments, never narrower than the fit's own."""
+"""Intervals of the fitted parameters: the jackknife over whole experiments, never narrower than the fit's own.
+
+The fit's own is scaled by what the fit leaves over: where the residual is more than noise, so is the error.
+"""
 
 from __future__ import annotations
 
@@ -25,20 +28,27 @@ class Interval:
     high_90: float
 
 
-def estimate_intervals(fit: Fit, validation: CrossValidation, first: int) -> list[Interval]:
+def estimate_intervals(fit: Fit, validation: CrossValidation, first: int, resolution: float = 0.0) -> list[Interval]:
     """Return the 90 % intervals of the unknowns from ``first`` on.
+
+    Args:
+        fit: Of all samples.
+        validation: Its refits without each experiment.
+        first: The first unknown that is asked for.
+        resolution: Least standard deviation of an unknown as a share of it: how finely it was searched.
 
     The jackknife needs no model of the noise or of the law's form, but at least three experiments; the curvature of
     the fit is its floor.
     """
     count = len(validation.z)
     precision = np.diag(fit.space.prior_precision + 1e-9)
-    hessian = np.sqrt(np.diag(np.linalg.inv(fit.jacobian.T @ fit.jacobian + precision)))
+    spread = np.sqrt(max(fit.chi2 / max(len(fit.residual), 1), 1.0))
+    hessian = spread * np.sqrt(np.diag(np.linalg.inv(fit.jacobian.T @ fit.jacobian + precision)))
     low, high = fit.space.limits
     out = []
     for i in range(first, fit.space.size):
         axis = fit.space.axes[i]
-        sigma, factor = float(hessian[i]), 1.645
+        sigma, factor = max(float(hessian[i]), resolution * abs(float(fit.z[i]))), 1.645
         if count >= 3:
             leave_out = validation.z[:, i]
             jackknife = float(np.sqrt((count - 1) / count * np.sum((leave_out - leave_out.mean()) ** 2)))

@@ -156,18 +156,21 @@ def _apply_floor(values: Array, floor: float, repeats: int) -> ChannelNoise:
     return ChannelNoise(white, wander, time_s, offset, repeats)
 
 
-def whitening_matrix(noise: ChannelNoise, time: Array, common: Array | None = None) -> Array:
+def whitening_matrix(noise: ChannelNoise, time: Array, common: Array | None = None, own: Array | None = None) -> Array:
     """Return the matrix that turns noise at these times into independent unit noise, shape (k, k).
 
     Args:
         noise: Of the channel.
         time: Of the samples [s], (k,).
         common: One standard deviation of a further error with this course [channel's unit], (k,); None: none.
+        own: One standard deviation of a further error of each sample by itself [channel's unit], (k,); None: none.
     """
     matrix = noise.covariance(time)
     matrix[np.diag_indices(len(time))] += 1e-6 * noise.total**2
     if common is not None:
         matrix += np.outer(common, common)
+    if own is not None:
+        matrix[np.diag_indices(len(time))] += own**2
     factor = np.linalg.cholesky(matrix)
     inverse: Array = solve_triangular(factor, np.eye(len(time)), lower=True)
     return inverse

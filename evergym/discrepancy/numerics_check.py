@@ -12,7 +12,7 @@ from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.rig import Fidelity
 from evergym.discrepancy.setting import Setting
 
-__all__ = ["NumericsCheck", "choose_fidelities"]
+__all__ = ["NumericsCheck", "choose_fidelities", "measure_spread"]
 
 Array = NDArray[np.float64]
 
@@ -42,8 +42,7 @@ class NumericsCheck:
 
 def choose_fidelities(predictor: Predictor, setting: Setting) -> NumericsCheck:
     """Give every run the coarsest fidelity whose prediction is that of the finest, to a fraction of the noise."""
-    finest = predictor.predict(setting, Fidelity.FINE)
-    tried = {fidelity: predictor.predict(setting, fidelity) - finest for fidelity in (Fidelity.FAST, Fidelity.STANDARD)}
+    tried = _compare(predictor, setting)
     chosen, errors = {}, {}
     for index, run in enumerate(predictor.dataset.runs):
         fidelity, error = Fidelity.FINE, 0.0
@@ -54,9 +53,27 @@ def choose_fidelities(predictor: Predictor, setting: Setting) -> NumericsCheck:
                 break
         predictor.fidelities[index] = fidelity
         chosen[run.id], errors[run.id] = fidelity, error
-    fast, standard = (np.where(np.isfinite(difference), difference, 0.0) for difference in tried.values())
-    spread = SPREAD * np.where(np.abs(fast) >= np.abs(standard), fast, standard)
-    return NumericsCheck(chosen, errors, spread)
+    return NumericsCheck(chosen, errors, _find_spread(tried))
+
+
+def measure_spread(predictor: Predictor, setting: Setting) -> Array:
+    """Return what discretisation does to each sample, one standard deviation, signed [channel's unit], (n,).
+
+    An effect may depend on the step as the model without it does not: a pressure that droops by the flow of growth,
+    which depends on the pressure.
+    """
+    return _find_spread(_compare(predictor, setting))
+
+
+def _compare(predictor: Predictor, setting: Setting) -> dict[Fidelity, Array]:
+    """Return the differences of the coarser fidelities from the finest, (n,) each."""
+    finest = predictor.predict(setting, Fidelity.FINE)
+    return {fidelity: predictor.predict(setting, fidelity) - finest for fidelity in (Fidelity.FAST, Fidelity.STANDARD)}
+
+
+def _find_spread(differences: Mapping[Fidelity, Array]) -> Array:
+    fast, standard = (np.where(np.isfinite(difference), difference, 0.0) for difference in differences.values())
+    return SPREAD * np.where(np.abs(fast) >= np.abs(standard), fast, standard)
 
 
 def _worst(predictor: Predictor, difference: Array, run: int) -> float:

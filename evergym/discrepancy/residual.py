@@ -40,6 +40,8 @@ class Measurement:
         noise: Their noise.
         numerics: One standard deviation of what discretisation does to each sample, signed [channel's unit], (n,): it
             counts as noise that is the same throughout a run. None: nothing.
+        doubt: One standard deviation of what is not known of the prediction itself [channel's unit], (n,), each sample
+            by itself. None: nothing.
 
     Attributes:
         value: Measured, in the channels' units, shape (n,).
@@ -51,7 +53,10 @@ class Measurement:
         experiments: Names, in the order of their first run.
     """
 
-    def __init__(self, dataset: Dataset, noise: NoiseModel, numerics: Array | None = None) -> None:
+    def __init__(
+        self, dataset: Dataset, noise: NoiseModel, numerics: Array | None = None, doubt: Array | None = None
+    ) -> None:
+        self._made_of = dataset, noise, numerics
         self.experiments = tuple(dict.fromkeys(run.experiment for run in dataset.runs))
         self._segments: list[_Segment] = []
         runs, channels, rows, sigma = [], [], [], []
@@ -66,14 +71,15 @@ class Measurement:
                     time = run.time_s[piece] - run.time_s[piece[0]]
                     start, stop = stop, stop + len(piece)
                     shape = np.zeros(len(piece)) if numerics is None else numerics[start:stop]
-                    key = (np.round(time, 6).tobytes(), shape.tobytes(), name)
+                    own = np.zeros(len(piece)) if doubt is None else doubt[start:stop]
+                    key = (np.round(time, 6).tobytes(), shape.tobytes() + own.tobytes(), name)
                     if key not in known:
-                        known[key] = whitening_matrix(noise.channels[name], time, shape)
+                        known[key] = whitening_matrix(noise.channels[name], time, shape, own)
                     self._segments.append(_Segment(piece, start, stop, known[key]))
                     runs.append(np.full(len(piece), index))
                     channels.append(np.full(len(piece), channel))
                     rows.append(piece)
-                    sigma.append(np.hypot(noise.channels[name].total, shape))
+                    sigma.append(np.sqrt(noise.channels[name].total ** 2 + shape**2 + own**2))
         self.run = _join(runs)
         self.channel = _join(channels)
         self.row = _join(rows)
@@ -110,14 +116,28 @@ class Measurement:
             out[segment.start : segment.stop] = segment.whitening @ values[segment.start : segment.stop]
         return out
 
-    def scale(self, whitened: Array) -> Array:
-        """Return a whitened vector (n,) as it was before, in units of the standard deviation of each sample's noise."""
+    def restore(self, whitened: Array) -> Array:
+        """Return a whitened vector (n,) or columns (n, m) as they were before, in the channels' units."""
         out = np.empty_like(whitened)
         for segment in self._segments:
             part = whitened[segment.start : segment.stop]
             out[segment.start : segment.stop] = solve_triangular(segment.whitening, part, lower=True)
-        scaled: Array = out / self.sigma
+        return out
+
+    def scale(self, whitened: Array) -> Array:
+        """Return a whitened vector (n,) as it was before, in units of the standard deviation of each sample's noise."""
+        scaled: Array = self.restore(whitened) / self.sigma
         return scaled
+
+    def add_doubt(self, doubt: Array) -> Measurement:
+        """Return the same samples with a further error of each, one standard deviation [channel's unit], (n,)."""
+        return Measurement(*self._made_of, doubt)
+
+    def widen(self, numerics: Array) -> Measurement:
+        """Return the same samples with what discretisation does where it is more than was known, signed, (n,)."""
+        dataset, noise, known = self._made_of
+        known = np.zeros(self.size) if known is None else known
+        return Measurement(dataset, noise, np.where(np.abs(numerics) > np.abs(known), numerics, known))
 
     def rows_of_runs(self, runs: Sequence[int]) -> NDArray[np.bool_]:
         """Return which of the n samples belong to these runs."""

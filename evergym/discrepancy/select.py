@@ -133,11 +133,12 @@ def fit_candidates(
         (_begin_fit(predictor, signature.reference, signature.candidate, strength.z, split.use), signature)
         for strength, signature in worth[:count]
     ]
-    # A race: who is far behind after the first steps stays as it is.
+    # A race: who is far behind after the first steps stays as it is, but for the one whose signature promised most.
+    favourite = worth[0][1].candidate if worth else None
     fits.sort(key=_cost)
     fits = [
         (_continue_fit(predictor, fit, signature.candidate, split.use), signature)
-        if _is_near(fit, fits[0][0], split.use, RACE_FACTOR)
+        if signature.candidate is favourite or _is_near(fit, fits[0][0], split.use, RACE_FACTOR)
         else (fit, signature)
         for fit, signature in fits
     ]

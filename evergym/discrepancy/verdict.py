@@ -48,7 +48,8 @@ class Thresholds:
         cell_min: Excess [sigma rms] of a significant cell below which a disagreement is not worth a name.
         rest_cell_min: Excess of a cell after the effect is in, above which something else is still missing.
         strange_cell_min: Excess of a cell after the effect is in, above which and
-        strange_share: share of the worst cell's excess before, above which the effect only resembles what is missing.
+        strange_share: share of the worst cell's excess before, above which the effect only resembles what is missing,
+        strange_explained_max: unless it explains more than this share of the whole excess.
         tie_factor: Candidates whose excess is within this factor of the best one's are tied with it.
         tie_offset: The same, as an absolute excess [sigma^2].
         further_gain_min: Half the chi-squares that left-out experiments must gain from a further effect.
@@ -66,6 +67,7 @@ class Thresholds:
     rest_cell_min: float = 1.5
     strange_cell_min: float = 5.0
     strange_share: float = 0.45
+    strange_explained_max: float = 0.85
     tie_factor: float = 1.25
     tie_offset: float = 0.02
     further_gain_min: float = 24.0
@@ -165,10 +167,12 @@ def decide(
     if best is None or not best.effects:
         return Verdict.UNKNOWN_EFFECT
     gain = 0.5 * (base.validation.total - best.validation.total)
-    if gain < thresholds.gain_min or explained_share(base, best) < thresholds.share_min:
+    share = explained_share(base, best)
+    if gain < thresholds.gain_min or share < thresholds.share_min:
         return Verdict.UNKNOWN_EFFECT
     rest = worst_cell(cells_after)
-    if rest >= thresholds.strange_cell_min and rest > thresholds.strange_share * worst_cell(cells_before):
+    is_large = rest >= thresholds.strange_cell_min and rest > thresholds.strange_share * worst_cell(cells_before)
+    if is_large and share <= thresholds.strange_explained_max:
         return Verdict.UNKNOWN_EFFECT  # near, but of another kind: so much does no other form of a law leave over
     if rest >= thresholds.rest_cell_min:
         return Verdict.EFFECT_AND_UNKNOWN_REST

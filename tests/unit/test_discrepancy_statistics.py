@@ -14,6 +14,7 @@ from evergym.discrepancy.dataset import Dataset, Run
 from evergym.discrepancy.fit import Fit, solve_normal
 from evergym.discrepancy.gap import Gap
 from evergym.discrepancy.hold_out import choose_held_out
+from evergym.discrepancy.interval import estimate_intervals
 from evergym.discrepancy.locate import SIGNIFICANCE, Cell, locate
 from evergym.discrepancy.noise import ChannelNoise, estimate_noise, find_repeats, whitening_matrix
 from evergym.discrepancy.regimes import REGIMES, label_regimes
@@ -96,6 +97,35 @@ def test_scaling_undoes_whitening() -> None:
     )
 
 
+def test_what_is_doubted_counts_less_and_only_there() -> None:
+    runs = [make_run(str(k), "e", np.full(60, 0.1 * k), np.zeros(60)) for k in range(2)]
+    dataset = make_dataset(runs)
+    plain = Measurement(dataset, estimate_noise(dataset))
+    doubt = np.where(plain.run == 0, 5.0, 0.0)
+    doubted = plain.add_doubt(doubt)
+    off = np.random.default_rng(1).normal(size=plain.size)
+    before, after = plain.whiten(off) ** 2, doubted.whiten(off) ** 2
+    assert np.sum(after[plain.run == 0]) < 0.01 * np.sum(before[plain.run == 0])
+    np.testing.assert_allclose(after[plain.run == 1], before[plain.run == 1])
+    np.testing.assert_allclose(doubted.restore(doubted.whiten(off)), off)
+
+
+def test_what_discretisation_does_is_no_disagreement() -> None:
+    runs = [make_run(str(k), "e", np.full(60, 0.1 * k), np.zeros(60)) for k in range(2)]
+    dataset = make_dataset(runs)
+    noise = estimate_noise(dataset)
+    known = Measurement(dataset, noise, np.full(120, 0.1))
+    course = np.tile(3.0 * np.sin(np.arange(60) / 9.0), 2)
+    wider = known.widen(np.where(known.run == 0, course, 0.0))
+    # Along its course it is an error of about one sigma in all, however many samples show it; across it, it is not.
+    first = wider.run == 0
+    assert np.sum(known.whiten(course)[first] ** 2) > 500.0
+    assert np.sum(wider.whiten(course)[first] ** 2) < 1.5
+    across = np.where(np.arange(120) % 2 == 0, 1.0, -1.0)
+    assert np.sum(wider.whiten(across)[first] ** 2) > 0.9 * np.sum(known.whiten(across)[first] ** 2)
+    np.testing.assert_allclose(wider.whiten(course)[~first], known.whiten(course)[~first])  # never narrower
+
+
 def test_step_within_limits_is_the_constrained_minimum() -> None:
     rng = np.random.default_rng(3)
     jacobian, residual = rng.normal(size=(40, 3)), 5.0 * rng.normal(size=40)
@@ -155,6 +185,35 @@ def test_strength_that_other_experiments_contradict_explains_nothing() -> None:
     fit = make_linear_fit(np.ones((60, 1)), value, (30.0,))
     validation = cross_validate(fit, experiment, range(3), np.ones(60, dtype=bool), nominals=0)
     assert validation.chi2[0] > 0.9 * np.sum(value[experiment == 0] ** 2)
+
+
+def test_a_strength_that_recalibration_nearly_makes_up_for_is_judged_with_the_nominals_it_was_fitted_with() -> None:
+    rng = np.random.default_rng(5)
+    experiment = np.repeat(np.arange(4), 50)
+    effect = rng.normal(size=200)
+    jacobian = np.column_stack((effect + 0.05 * rng.normal(size=200), effect))
+    value = jacobian @ np.array([0.4, 2.0]) + rng.normal(size=200)
+    fit = make_linear_fit(jacobian, value, (1.0, 1e6))
+    validation = cross_validate(fit, experiment, range(4), np.ones(200, dtype=bool), nominals=1)
+    assert np.ptp(validation.z[:, 1]) > 0.1  # alone, each refit is uncertain
+    assert validation.total < 1.05 * fit.chi2
+
+
+def test_an_interval_is_no_narrower_than_what_is_left_over_or_than_the_search_was_fine() -> None:
+    rng = np.random.default_rng(6)
+    experiment = np.repeat(np.arange(2), 100)  # too few for a jackknife
+    jacobian = rng.normal(size=(200, 1))
+
+    def width(noise: float, resolution: float = 0.0) -> float:
+        fit = make_linear_fit(jacobian, 4.0 * jacobian[:, 0] + noise * rng.normal(size=200), (1e6,))
+        validation = cross_validate(fit, experiment, range(2), np.ones(200, dtype=bool), nominals=0)
+        (interval,) = estimate_intervals(fit, validation, 0, resolution)
+        assert interval.low_90 < 4.0 < interval.high_90
+        return interval.high_90 - interval.low_90
+
+    assert width(0.1) == pytest.approx(2 * 1.645 / np.sqrt(np.sum(jacobian**2)), rel=1e-3)
+    assert width(5.0) > 4.0 * width(0.1)
+    assert width(0.1, resolution=0.1) == pytest.approx(2 * 1.645 * 0.4, rel=0.01)
 
 
 def test_held_out_experiments_leave_every_regime_to_learn_from() -> None:
@@ -238,7 +297,8 @@ def make_score(excess: float, total: float, effects: tuple[Candidate, ...] = ())
         (0.5, 0.0, 0.5, Verdict.NO_EFFECT),  # nothing is off by an amount that matters
         (20.0, 0.1, 0.4, Verdict.EFFECT),
         (20.0, 0.5, 2.0, Verdict.EFFECT_AND_UNKNOWN_REST),
-        (20.0, 5.0, 10.0, Verdict.UNKNOWN_EFFECT),  # it resembles what is missing, and leaves half of it somewhere
+        (20.0, 18.0, 10.0, Verdict.UNKNOWN_EFFECT),  # it resembles what is missing, and leaves half of it somewhere
+        (20.0, 5.0, 10.0, Verdict.EFFECT_AND_UNKNOWN_REST),  # or it explains so much that its law has another form
         (20.0, 25.0, 4.0, Verdict.UNKNOWN_EFFECT),  # less than 0.77 explained
     ],
 )
