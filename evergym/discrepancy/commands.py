@@ -9,7 +9,8 @@ import numpy as np
 from tyro.conf import Positional
 
 from evergym.discrepancy.columns import CHANNELS, COLUMNS
-from evergym.discrepancy.dataset import Dataset, Run, load_dataset
+from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.discrepancy.nearest import suggest_nearest
 from evergym.errors import ConfigError
 from evergym.model import load_model

@@ -1,4 +1,7 @@
-"""A dataset of measured runs: ``dataset.toml`` and ``samples.csv`` (or ``.parquet``), as the diagnosis takes them."""
+"""A dataset of measured runs: ``dataset.toml`` and ``samples.csv`` (or ``.parquet``), as the diagnosis takes them.
+
+`evergym.discrepancy.dataset_reading.load_dataset` reads one.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.robot import RobotConfig
 
-__all__ = ["CHANNELS", "COMMANDS", "Dataset", "Run", "load_dataset"]
+__all__ = ["CHANNELS", "COMMANDS", "Dataset", "Run"]
 
 Array = NDArray[np.float64]
 
@@ -86,19 +88,3 @@ class Dataset:
     def duration(self) -> float:
         """Robot time of all runs together [s]."""
         return float(sum(run.time_s[-1] - run.time_s[0] for run in self.runs))
-
-
-def load_dataset(path: str | Path, robot: RobotConfig | None = None) -> Dataset:
-    """Read and check a dataset folder.
-
-    Args:
-        path: Folder with ``dataset.toml`` and ``samples.csv`` or ``samples.parquet``.
-        robot: The robot of the model that the data will be compared with, before the dataset's own ``[robot]`` keys;
-            it decides which rows are impossible. None: the default robot.
-
-    Raises:
-        ConfigError: bad data; the message names file, row (as in an editor) and column.
-    """
-    from evergym.discrepancy.dataset_reading import read_dataset
-
-    return read_dataset(Path(path), RobotConfig() if robot is None else robot)

@@ -16,7 +16,7 @@ from evergym.discrepancy.samples import SampleTable, find_sample_file, read_samp
 from evergym.errors import ConfigError
 from evergym.robot import RobotConfig
 
-__all__ = ["read_dataset"]
+__all__ = ["load_dataset"]
 
 Array = NDArray[np.float64]
 
@@ -24,13 +24,23 @@ SIGN_SIGMAS = 5.0
 """An angle below minus this many standard deviations of its noise is taken for one with a sign, not for noise."""
 
 
-def read_dataset(folder: Path, robot: RobotConfig) -> Dataset:
-    """Read and check a dataset; see `evergym.discrepancy.dataset.load_dataset`."""
+def load_dataset(path: str | Path, robot: RobotConfig | None = None) -> Dataset:
+    """Read and check a dataset folder.
+
+    Args:
+        path: Folder with ``dataset.toml`` and ``samples.csv`` or ``samples.parquet``.
+        robot: The robot of the model that the data will be compared with, before the dataset's own ``[robot]`` keys;
+            it decides which rows are impossible. None: the default robot.
+
+    Raises:
+        ConfigError: bad data; the message names file, row (as in an editor) and column.
+    """
+    folder = Path(path)
     if not folder.is_dir():
         raise ConfigError(f"There is no folder '{folder}'. Give the folder that holds dataset.toml and samples.csv.")
     text = read_dataset_file(folder / "dataset.toml")
     file = text.content
-    rig = text.override(robot)
+    rig = text.override(RobotConfig() if robot is None else robot)
     table = read_samples(find_sample_file(folder))
     _check_noise(text, table)
     rows = _find_rows(text, table)

@@ -20,7 +20,8 @@ from evergym.discrepancy.alignment import align_dataset
 from evergym.discrepancy.calibrate import calibrate, find_sensitivity, refine
 from evergym.discrepancy.candidates import find_candidates
 from evergym.discrepancy.choose import Choice, choose_effects
-from evergym.discrepancy.dataset import Dataset, load_dataset
+from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.discrepancy.diagnosis import Diagnosis, write_json
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.findings import describe_effects, list_candidates

@@ -10,7 +10,8 @@ import pytest
 
 from evergym.discrepancy.alignment import Alignment, realign
 from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run, load_dataset
+from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.discrepancy.diagnose import run_stages
 from evergym.discrepancy.export import add_noise, write_dataset
 from evergym.discrepancy.parameters import set_values

@@ -10,7 +10,7 @@ import pytest
 
 from evergym.agents.recording import EpisodeRecording
 from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import load_dataset
+from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.simulate import try_simulate_run
 from evergym.errors import ConfigError, RunError

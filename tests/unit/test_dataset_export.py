@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run, load_dataset
+from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.discrepancy.export import add_noise, write_dataset
 from evergym.discrepancy.paper_dataset import PAPER_FIGURES, export_paper, make_paper_runs
 from evergym.discrepancy.record import Recorder, record_simulator

@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 from evergym.discrepancy.columns import CHANNELS, COLUMNS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, load_dataset
+from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.errors import ConfigError
 from evergym.robot import RobotConfig
 

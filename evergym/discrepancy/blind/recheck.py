@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from evergym.discrepancy.blind.folders import CaseFolders, read_json, write_json
 from evergym.discrepancy.columns import channel_index
-from evergym.discrepancy.dataset import load_dataset
+from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.simulate import simulate_run
