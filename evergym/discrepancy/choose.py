@@ -26,6 +26,7 @@ FITTED_MAX = 5
 """Candidates that are fitted in the loop."""
 FURTHER_MAX = 3
 """The same, for a further effect."""
+EFFECTS_MAX = 3
 GAIN_MIN = 1.0
 """Signatures that promise less (in half chi-squares) are not fitted."""
 
@@ -90,10 +91,16 @@ def choose_effects(
         base, rivals = _recheck_numerics(predictor, base, rivals, split)
     best, contenders = rivals[0], rivals
     if worst_cell(draw_map(best)) >= thresholds.rest_cell_min:
-        pair = _find_second(predictor, base, best, screenings, screened, split, thresholds, draw_map)
+        search = _Search(predictor, base, screenings, screened, split, thresholds, draw_map)
+        pair = search.find_further(best, thresholds.rest_cell_min)
         if pair is not None:
             contenders = sorted([pair, *_swap_first(predictor, base, pair, rivals, split)], key=rank_score)
             best = contenders[0]
+        while 1 < len(best.effects) < EFFECTS_MAX:
+            more = search.find_further(best, thresholds.many_cell_min)
+            if more is None:
+                break
+            best, contenders = more, [more]
     return Choice(base, best, tuple(rivals), tuple(contenders))
 
 
@@ -117,47 +124,67 @@ def _recheck_numerics(
     return base, sorted(scores, key=rank_score)
 
 
-def _find_second(
-    predictor: Predictor,
-    base: Score,
-    first: Score,
-    screenings: Sequence[Screening],
-    screened: Measurement,
-    split: Split,
-    thresholds: Thresholds,
-    draw_map: Mapper,
-) -> Score | None:
-    """Return the model with a second effect that earns its place, or None.
+@dataclass(frozen=True)
+class _Search:
+    """What a search for further effects needs to know.
 
-    What the first effect changes is taken to be uncertain by a share of itself: where its law has another form, what
-    it leaves over is no second effect, and must not hide one that acts elsewhere.
+    Attributes:
+        base: The recalibrated model.
+        screenings: Of all candidates, made with
+        screened: this measurement.
     """
-    plain = predictor.measurement
-    change = _find_change(predictor, base, first)
-    doubtful = plain.add_doubt(_judge_form(predictor, first, change, split) * np.abs(change))
-    others = [screening for screening in screenings if screening.candidate not in first.effects]
-    predictor.measurement = doubtful
-    try:
-        fit = _rewhiten(predictor, first.fit, plain, split)
-        before = score_fit(predictor, fit, split, first.effects, base=score_fit(predictor, fit, split, first.effects))
-        if worst_cell(draw_map(before)) < thresholds.rest_cell_min:
-            return None
-        others = [
-            replace(one, columns=tuple((z, doubtful.whiten(screened.restore(column))) for z, column in one.columns))
-            for one in others
+
+    predictor: Predictor
+    base: Score
+    screenings: Sequence[Screening]
+    screened: Measurement
+    split: Split
+    thresholds: Thresholds
+    draw_map: Mapper
+
+    def find_further(self, known: Score, cell_min: float) -> Score | None:
+        """Return the model with one more effect that earns its place, or None.
+
+        What the known effects change is taken to be uncertain by a share of itself: where a law has another form, what
+        it leaves over is no further effect, and must not hide one that acts elsewhere.
+
+        Args:
+            known: The model so far.
+            cell_min: Excess of a cell [sigma] below which nothing more is looked for.
+        """
+        predictor, split = self.predictor, self.split
+        plain = predictor.measurement
+        change = _find_change(predictor, self.base, known)
+        doubtful = plain.add_doubt(_judge_form(predictor, known, change, split) * np.abs(change))
+        predictor.measurement = doubtful
+        try:
+            fit = _rewhiten(predictor, known.fit, plain, split)
+            linear = score_fit(predictor, fit, split, known.effects)
+            before = score_fit(predictor, fit, split, known.effects, base=linear)
+            if worst_cell(self.draw_map(before)) < cell_min:
+                return None
+            # As the first one, further effects are searched with the nominals as given: fitted ones make up for their
+            # absence.
+            space = before.fit.space
+            effects = np.arange(space.size) >= self.base.fit.space.size
+            reference = evaluate_fit(predictor, space, np.where(effects, fit.z, 0.0), fit.jacobian)
+            others = self._rewhiten_screenings(known, doubtful)
+            further = rank_candidates(predictor, reference, others, split.use, fit)
+            scores = _fit_promising(predictor, before, further, split, FURTHER_MAX)
+            if not scores or not earns_its_place(before, scores[0], split, self.thresholds):
+                return None
+        finally:
+            predictor.measurement = plain
+        fit = refine(predictor, _rewhiten(predictor, scores[0].fit, doubtful, split), split.use)
+        return score_fit(predictor, fit, split, scores[0].effects, scores[0].signature, known)
+
+    def _rewhiten_screenings(self, known: Score, measurement: Measurement) -> list[Screening]:
+        restore, whiten = self.screened.restore, measurement.whiten
+        return [
+            replace(one, columns=tuple((z, whiten(restore(column))) for z, column in one.columns))
+            for one in self.screenings
+            if one.candidate not in known.effects
         ]
-        # As the first one, a second effect is searched with the nominals as given: fitted ones make up for its absence.
-        space = before.fit.space
-        effects = np.arange(space.size) >= base.fit.space.size
-        reference = evaluate_fit(predictor, space, np.where(effects, before.fit.z, 0.0), before.fit.jacobian)
-        further = rank_candidates(predictor, reference, others, split.use, before.fit)
-        pairs = _fit_promising(predictor, before, further, split, FURTHER_MAX)
-        if not pairs or not earns_its_place(before, pairs[0], split, thresholds):
-            return None
-    finally:
-        predictor.measurement = plain
-    fit = refine(predictor, _rewhiten(predictor, pairs[0].fit, doubtful, split), split.use)
-    return score_fit(predictor, fit, split, pairs[0].effects, pairs[0].signature, first)
 
 
 def _find_change(predictor: Predictor, base: Score, score: Score) -> Array:
@@ -204,16 +231,19 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
     """Return whether a further effect predicts left-out experiments better by an amount that matters.
 
     It must also fit the experiments that it was fitted to that much better: one that only steadies the strength of the
-    first, by a free parameter more, is none.
+    first, by a free parameter more, is none. And what it gains must be in its signature, at the typical strength: one
+    that gains only far from it, with all nominal parameters moved, is a shape that happens to fit.
     """
     gain = 0.5 * (before.validation.total - after.validation.total)
     noise = float(split.use.sum())
     fitted_before, fitted_after = (float(np.sum(one.fit.residual[split.use] ** 2)) - noise for one in (before, after))
+    foreseen = after.signature.gain if after.signature is not None else 0.0
     return (
         gain >= thresholds.further_gain_min
         and after.excess <= thresholds.further_share_max * before.excess
         and before.excess - after.excess >= thresholds.further_excess_min
         and fitted_after <= thresholds.further_fit_max * fitted_before
+        and foreseen >= thresholds.further_foreseen_min * 0.5 * (fitted_before - fitted_after)
     )
 
 

@@ -60,6 +60,7 @@ def cross_validate(
     nominals: int,
     simulate: Simulate | None = None,
     ceiling: Array | None = None,
+    steady: Mask | None = None,
 ) -> CrossValidation:
     """Leave each of ``experiments`` out in turn.
 
@@ -78,6 +79,8 @@ def cross_validate(
     centre[nominals:] = fit.z[nominals:]
     doubt = precision.copy()
     doubt[nominals:] += (DOUBT_SHARE * np.abs(fit.z[nominals:]) + DOUBT_OFFSET) ** -2
+    if steady is not None:
+        doubt[steady] = 1e12
     size = fit.space.size
     rows = [np.flatnonzero((experiment == index) & use) for index in experiments]
     normals = [fit.jacobian[part].T @ fit.jacobian[part] for part in rows]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from evergym.discrepancy.candidates import ROUNDING_RESOLUTION, Candidate
+from evergym.discrepancy.candidates import ROUNDING_ERROR, Candidate
 from evergym.discrepancy.choose import Choice
 from evergym.discrepancy.diagnosis import CandidateRow
 from evergym.discrepancy.interval import Interval, estimate_intervals
@@ -37,7 +37,7 @@ def describe_effects(
         names.append(NamedEffect(effect.name, confidence, own, equivalents))
         paths = {axis.path for axis in effect.axes}
         first = min((i for i, axis in enumerate(final.fit.space.axes) if axis.path in paths), default=None)
-        fineness = ROUNDING_RESOLUTION if effect.rounds else 0.0
+        fineness = ROUNDING_ERROR if effect.rounds else 0.0
         intervals = [] if first is None else estimate_intervals(final.fit, final.validation, first, fineness)
         parameters[effect.name] = [interval for interval in intervals if interval.path in paths]
     return tuple(names), parameters

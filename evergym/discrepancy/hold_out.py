@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Dataset
 from evergym.discrepancy.regimes import label_regimes
 from evergym.discrepancy.residual import Measurement
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 SHARE = 0.25
 """Share of the experiments that are held out."""
 COVER_MAX = 0.6
-"""No regime should have more than this share of its samples in the experiments held out."""
+"""No regime and no channel should have more than this share of its samples in the experiments held out."""
 COMBINATIONS_MAX = 5_000
 DISAGREEMENT = (0.1, 0.4)
 """Share of the disagreement that should be held out: an effect that shows only there cannot be found, and one that does
@@ -32,8 +33,9 @@ def choose_held_out(
 ) -> tuple[int, ...]:
     """Return the indices of the experiments to hold out, about a quarter; none if there are fewer than three.
 
-    Those are held out that the others prepare for best: every regime is in the others too, the nominal parameters
-    that they need are known from the others, and so is most of what the recalibrated model leaves unexplained.
+    Those are held out that the others prepare for best: every regime and channel is in the others too, the nominal
+    parameters that they need are known from the others, and so is most of what the recalibrated model leaves
+    unexplained.
 
     Args:
         dataset: The runs.
@@ -73,9 +75,9 @@ def choose_held_out(
 
 
 def _count_samples(dataset: Dataset, measurement: Measurement) -> Array:
-    """Return the number of samples of each experiment in each regime, and in all; shape (e, regimes + 1)."""
+    """Return the number of samples of each experiment in each regime, of each channel, and in all; (e, columns)."""
     labels = label_regimes(dataset.runs)
-    names = list(dict.fromkeys(name for label in labels for name in label))
+    names = list(dict.fromkeys(name for label in labels for name in label)) + list(CHANNELS)
     table = np.zeros((len(measurement.experiments), len(names) + 1))
     index = {name: i for i, name in enumerate(measurement.experiments)}
     for run, label in zip(dataset.runs, labels, strict=True):
@@ -83,4 +85,6 @@ def _count_samples(dataset: Dataset, measurement: Measurement) -> Array:
         row[-1] += len(run.time_s)
         for name, mask in label.items():
             row[names.index(name)] += int(mask.sum())
+        for name, measured in zip(CHANNELS, np.isfinite(run.measured).T, strict=True):
+            row[names.index(name)] += int(measured.sum())
     return table[:, table.sum(axis=0) > 0]

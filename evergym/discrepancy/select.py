@@ -108,7 +108,9 @@ def score_fit(
         counts = np.array([np.sum((experiment == fold) & split.use) for fold in split.folds])
         ceiling = CEILING * base.validation.chi2 + counts
     exact = simulate if base is not None else None
-    validation = cross_validate(fit, experiment, split.folds, split.use, nominals, exact, ceiling)
+    rounding = [np.full(effect.size, effect.rounds) for effect in effects]
+    steady = np.concatenate([np.zeros(nominals, dtype=bool), *rounding])
+    validation = cross_validate(fit, experiment, split.folds, split.use, nominals, exact, ceiling, steady)
     counted = split.use if split.focus is None else split.use & split.focus
     scaled = predictor.measurement.scale(validation.residual)[counted]
     excess = max(float(np.mean(scaled**2)) - 1.0, 0.0)

@@ -52,10 +52,12 @@ class Thresholds:
         strange_explained_max: unless it explains more than this share of the whole excess.
         tie_factor: Candidates whose excess is within this factor of the best one's are tied with it.
         tie_offset: The same, as an absolute excess [sigma^2].
+        many_cell_min: Excess of a cell with two effects in, above which a third is looked for.
         further_gain_min: Half the chi-squares that left-out experiments must gain from a further effect.
         further_share_max: Share of the excess that a further effect may leave.
         further_fit_max: Share of what the first effect leaves over in its own fit that a further one may leave.
         further_excess_min: Excess [sigma^2] that a further effect must take away.
+        further_foreseen_min: Share of what a further effect gains in its fit that its signature must have promised.
         kept_min: Share of a signature that recalibration must leave over for the effect to be identifiable.
         size_min: Norm of what recalibration leaves over of the typical signature [sigma], for an effect to count as
             excited.
@@ -70,10 +72,12 @@ class Thresholds:
     strange_explained_max: float = 0.85
     tie_factor: float = 1.25
     tie_offset: float = 0.02
+    many_cell_min: float = 5.0
     further_gain_min: float = 24.0
     further_share_max: float = 0.5
     further_fit_max: float = 0.5
     further_excess_min: float = 0.1
+    further_foreseen_min: float = 0.15
     kept_min: float = 0.1
     size_min: float = 6.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -239,6 +240,31 @@ def test_disagreement_is_there_to_learn_from_and_to_test() -> None:
         off[[*first, *others]] = 10.0
         held_out = set(choose_held_out(dataset, measurement, jacobian, off))
         assert len(held_out & set(np.flatnonzero(off))) == 1
+
+
+@pytest.mark.parametrize("only", range(8))
+def test_what_a_single_experiment_measures_is_not_held_out(only: int) -> None:
+    rng = np.random.default_rng(7)
+    runs = [make_run(f"r{k}", f"e{k}", np.zeros(60), rng.normal(size=60)) for k in range(8)]
+    measured = np.full((60, len(CHANNELS)), np.nan)
+    measured[:, CHANNELS.index("bending_angle_deg")] = rng.normal(size=60)
+    runs[only] = dataclasses.replace(runs[only], measured=measured)
+    dataset = dataclasses.replace(make_dataset(runs), noise={"tip_x_mm": 0.3, "bending_angle_deg": 0.3})
+    measurement = Measurement(dataset, estimate_noise(dataset))
+    jacobian = np.random.default_rng(8).normal(size=(measurement.size, 3))
+    assert only not in choose_held_out(dataset, measurement, jacobian, np.zeros(8))
+
+
+def test_unknowns_without_a_derivative_stay_when_an_experiment_is_left_out() -> None:
+    rng = np.random.default_rng(9)
+    experiment = np.repeat(np.arange(4), 50)
+    fit = make_linear_fit(rng.normal(size=(200, 2)), rng.normal(size=200), (1e6, 1e6))
+    use = np.ones(200, dtype=bool)
+    free = cross_validate(fit, experiment, range(4), use, nominals=0)
+    steady = cross_validate(fit, experiment, range(4), use, nominals=0, steady=np.array([True, False]))
+    assert np.ptp(free.z[:, 0]) > 1e-3
+    np.testing.assert_allclose(steady.z[:, 0], fit.z[0], atol=1e-6)
+    assert np.ptp(steady.z[:, 1]) > 1e-3
 
 
 def test_too_few_experiments_hold_none_out() -> None:
