@@ -37,7 +37,7 @@ from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.profiles import list_profiles, to_columns
 from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
-from evergym.discrepancy.rig import apply_robot
+from evergym.discrepancy.rig import apply_robot, soften_line
 from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
 from evergym.discrepancy.setting import Setting
@@ -120,7 +120,8 @@ def run_stages(
     tell = _Progress(on_stage)
     tell("noise", 0.0)
     model = apply_robot(model, dataset)
-    dataset, remarks = align_dataset(model, dataset)
+    dataset, aligned = align_dataset(model, dataset)
+    model, softened = soften_line(model)
     noise = estimate_noise(dataset)
     measurement = Measurement(dataset, noise)
     users = {effect.name: effect for effect in user_effects}
@@ -129,7 +130,7 @@ def run_stages(
         evidence = _run_stages(predictor, noise, model, thresholds, tell)
     finally:
         predictor.close()
-    return dataclasses.replace(evidence, diagnosis=dataclasses.replace(evidence.diagnosis, remarks=remarks))
+    return dataclasses.replace(evidence, diagnosis=dataclasses.replace(evidence.diagnosis, remarks=aligned + softened))
 
 
 def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, thresholds: Thresholds, tell: Stage) -> Evidence:

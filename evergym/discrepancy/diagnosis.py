@@ -63,7 +63,7 @@ class Diagnosis:
         simulations: Runs simulated.
         seconds: It took.
         model: The corrected model.
-        remarks: Runs that were read otherwise than the format says, and why.
+        remarks: Runs and parts of the model that were read otherwise than they stand there, and why.
     """
 
     verdict: Verdict

@@ -20,8 +20,9 @@ STEP_MAX = 1.5
 """Largest move of an unknown in one iteration, in units of its scale."""
 GAIN_MIN = 0.5
 """A fit has converged when a step promises less than this (in half chi-squares)."""
-FAILED = 30.0
-"""Standard deviations that a sample is taken to be off by where the simulation failed."""
+FAILED = 1000.0
+"""Standard deviations that a sample is taken to be off by where the simulation failed: more than any model is that does
+not fail, or a fit would look for parameters that nothing can be simulated with."""
 
 
 @dataclass(frozen=True)

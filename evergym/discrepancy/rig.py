@@ -22,7 +22,11 @@ __all__ = [
     "refine_for_effects",
     "refine_for_hanging",
     "refine_for_length",
+    "soften_line",
 ]
+
+LINE_COMPLIANCE_MIN = 0.02
+"""Least compliance of the tendon line [mm/N]: a tenth of what the paper's Fig. 7 shows."""
 
 
 class Fidelity(enum.Enum):
@@ -45,6 +49,23 @@ def apply_robot(model: Model, dataset: Dataset) -> Model:
     where = f"{dataset.path / 'dataset.toml'} [robot]"
     robot = override_robot(model.robot, dataset.robot, where, {run.setup for run in dataset.runs})
     return check_model(dataclasses.replace(model, robot=robot), where)
+
+
+def soften_line(model: Model) -> tuple[Model, tuple[str, ...]]:
+    """Return the model without a tendon line of no compliance at all, and what to remark about that.
+
+    A line that cannot stretch at all has false equilibria, in which the tip ends up turned by half a circle: which one
+    is met depends on the step. In a comparison with data that would pass for numerics, or for physics.
+    """
+    stretch = model.effects.tendon_stretch
+    if stretch.compliance_mm_per_n >= LINE_COMPLIANCE_MIN:
+        return model, ()
+    stiff = dataclasses.replace(stretch, compliance_mm_per_n=LINE_COMPLIANCE_MIN)
+    remark = (
+        f"the model's tendon line (effects.tendon_stretch.compliance_mm_per_n = {stretch.compliance_mm_per_n:g}) is "
+        f"simulated with {LINE_COMPLIANCE_MIN} mm/N: a stiffer one has false equilibria"
+    )
+    return dataclasses.replace(model, effects=dataclasses.replace(model.effects, tendon_stretch=stiff)), (remark,)
 
 
 def override_robot(robot: RobotConfig, overrides: Mapping[str, float], where: str, setups: set[str]) -> RobotConfig:

@@ -11,11 +11,13 @@ from evergym.discrepancy.candidates import make_candidate, with_frequencies
 from evergym.discrepancy.channels import CURVATURE, TIP_ANGLE, quantise_angles
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.fit import whitened_residual
 from evergym.discrepancy.noise import estimate_noise
 from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.periodogram import find_frequencies
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.residual import Measurement
+from evergym.discrepancy.rig import soften_line
 from evergym.discrepancy.setting import Setting, without_rounding
 from evergym.discrepancy.simulate import simulate_run
 from evergym.model import load_model
@@ -101,3 +103,23 @@ def test_readings_of_a_failed_simulation_are_not_rounded() -> None:
     out = quantise_angles(table, model)
     assert np.all(out[0] == 0.0)
     assert np.isnan(out[1]).all()
+
+
+def test_a_simulation_that_fails_is_worse_than_any_that_does_not() -> None:
+    table = np.full((40, len(CHANNELS)), np.nan)
+    table[:, TIP_ANGLE] = 0.0
+    dataset = make_dataset([make_run("r", 0.25 * np.arange(40), table)])
+    predictor = Predictor(dataset, Measurement(dataset, estimate_noise(dataset)))
+    turned = np.full(40, 180.0)  # as far as an angle can be off
+    failed = np.full(40, np.nan)
+    off, lost = (float(np.sum(whitened_residual(predictor, one) ** 2)) for one in (turned, failed))
+    assert lost > off > 0.0
+
+
+def test_a_line_of_no_compliance_is_made_one_that_can_be_simulated() -> None:
+    path = "effects.tendon_stretch.compliance_mm_per_n"
+    softened, remarks = soften_line(set_values(MODEL, {path: 0.0}))
+    assert softened.effects.tendon_stretch.compliance_mm_per_n == 0.02
+    assert path in remarks[0]
+    real = set_values(MODEL, {path: 0.3})
+    assert soften_line(real) == (real, ())
