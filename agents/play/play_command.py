@@ -61,8 +61,8 @@ class Play:
             return 2
 
     def _serve(self) -> int:
-        from evergym.agents.play.compilation import announce_compilation
         from evergym.agents.play.server import check_address, describe_address, start_server, stop_server
+        from evergym.compilation import announce_compilation
 
         check_address(self.host, self.port)  # before anything that takes time
         with announce_compilation(_say):

@@ -10,7 +10,6 @@ from typing import Any
 
 import viser
 
-from evergym.agents.play.compilation import announce_compilation
 from evergym.agents.play.episode import DRIVERS, Frame
 from evergym.agents.play.hand import DriveName, Hand
 from evergym.agents.play.instruments import Instruments
@@ -18,6 +17,7 @@ from evergym.agents.play.loop import Pace
 from evergym.agents.play.player import SPEEDS, Mode, Player
 from evergym.agents.play.readout import write_banner, write_keys, write_legend, write_readings
 from evergym.agents.play.stage import Stage
+from evergym.compilation import announce_compilation
 from evergym.duct_models.family import FAMILIES
 from evergym.duct_models.peg_family import PEG_FAMILIES
 from evergym.errors import EvergymError

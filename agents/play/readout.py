@@ -128,7 +128,7 @@ def write_legend() -> str:
         "sheath": "sheath",
         "catheter": "catheter",
         "tendon": "tendon and its side: pulling bends the tip this way",
-        "target": "target and the way to it",
+        "target": "target, a pin over it, and the way to it",
         "contact": "contact force on the wall",
     }
     dot = "display:inline-block;width:10px;height:10px;border-radius:5px;margin-right:6px"

@@ -58,8 +58,14 @@ class Replay:
             return 2
 
     def _show(self) -> int:
+        from evergym.compilation import announce_compilation
+
         page = self.video is None and self.png is None
         self._check(page)
+        with announce_compilation(lambda text: print(text, flush=True)):
+            return self._show_checked(page)
+
+    def _show_checked(self, page: bool) -> int:
         episode, files = self._load()
         if self.save is not None:
             from evergym.agents.play.episode_file import write_episode

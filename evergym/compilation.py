@@ -1,4 +1,4 @@
-"""Say so when kernels are compiled: a page that is about to open, or one that stands still, looks broken otherwise."""
+"""Say so when kernels are compiled: whoever waits for minutes without a word thinks that the program hangs."""
 
 from __future__ import annotations
 
