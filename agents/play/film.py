@@ -24,6 +24,8 @@ FILM_RATE = 24
 _INSET = 0.3
 _BORDER = 2
 _MARGIN = 8
+_STRIP = 10
+"""Part of the height that caption and scale bar take."""
 _INK = 12
 """Difference from the background, of 255, from which a pixel shows something."""
 
@@ -72,15 +74,18 @@ class Camera:
 def find_empty_corner(picture: NDArray[np.uint8], side: int) -> tuple[slice, slice]:
     """Return the rows and columns of the square in a corner that hides least; at a draw, the upper right one.
 
+    On the left it keeps clear of the caption above it and of the scale bar below it.
+
     Args:
         picture: On a white ground, shape (height, width, 3).
         side: Of the square in pixels.
     """
     low, right = (length - _MARGIN - side for length in picture.shape[:2])
     ink = picture.min(axis=2) < 255 - _INK
+    strip = max(_MARGIN, picture.shape[0] // _STRIP)
     corners = [
         (slice(top, top + side), slice(left, left + side))
-        for top, left in ((_MARGIN, right), (low, right), (low, _MARGIN), (_MARGIN, _MARGIN))
+        for top, left in ((_MARGIN, right), (low, right), (low + _MARGIN - strip, _MARGIN), (strip, _MARGIN))
     ]
     return min(corners, key=lambda corner: int(np.count_nonzero(ink[corner])))
 

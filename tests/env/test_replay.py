@@ -71,6 +71,8 @@ def test_the_inset_hides_the_least() -> None:
     assert find_empty_corner(picture, 30) == (slice(52, 82), slice(82, 112))
     picture[60, 90] = picture[60, 20] = 0
     picture[61, 90] = 0
+    picture[5:8, 20] = picture[84:88, 20] = 0  # caption and scale bar are not in the way
+    assert find_empty_corner(picture, 30) == (slice(9, 39), slice(8, 38))
     picture[15:25, 20] = 0
     assert find_empty_corner(picture, 30) == (slice(8, 38), slice(82, 112))
 
