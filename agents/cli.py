@@ -88,8 +88,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Words after the program's name; None: those of this process.
 
     Returns:
-        0 if all went well, 1 for an error that a message on stderr explains, 2 for a mistyped command, 130 after
-        Ctrl-C.
+        0 if all went well, 1 for an error that a message on stderr explains, 2 for a mistyped command, and for what
+        play, replay and plot cannot show as asked, 130 after Ctrl-C.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     available = {name: entry for name, entry in COMMANDS.items() if _exists(entry.module)}

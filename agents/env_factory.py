@@ -40,9 +40,8 @@ def resolve_env_id(name: str) -> str:
         return f"evergym:{name}"
     if name in gymnasium.registry:
         return name
-    own = {key.lower(): key for key in evergym.ENTRY_POINTS}
-    known = own.values() if "mammo" in name.lower() else gymnasium.registry
-    raise ConfigError(f"There is no environment '{name}'{suggest(name, known)}")
+    # Gymnasium's own fit neither robot nor controllers: nobody who mistypes one of ours means those.
+    raise ConfigError(f"There is no environment '{name}'{suggest(name, evergym.ENTRY_POINTS)}")
 
 
 def make_env(name: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:

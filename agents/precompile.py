@@ -12,7 +12,7 @@ __all__ = ["main"]
 
 def main() -> int:
     """Make one environment of each task and step it; the kernels stay in the user's cache. Returns the exit code."""
-    print("Compiling the simulator (about two minutes, once)", flush=True)
+    print("Compiling the simulator (up to five minutes on a slow machine, once)", flush=True)
     start = time.monotonic()
     for name in ("MammobotDuct-v0", "MammobotPegs-v0"):
         probe_env(name, {"observation": "state+image"})

@@ -12,6 +12,7 @@ import jinja2
 import tyro
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from evergym.agents.arms import Arm, make_policy
 from evergym.agents.env_factory import make_env
@@ -184,7 +185,7 @@ def print_table(summary: Summary) -> None:
         table.add_column("reached")
         table.add_column(f"only it / only {summary.reference}, p")
         for metric in METRICS:
-            table.add_column(metric.label)
+            table.add_column(Text(metric.label))  # as a plain string rich would take [mm] for a style
         pairs = {pair.arm: pair.success for pair in split.pairs}
         for arm in split.arms:
             pair = pairs.get(arm.arm)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from evergym.agents.arms import Arm, find_controller_arm, find_run_arm, make_policy
 from evergym.agents.env_factory import make_env, resolve_env_id
@@ -143,7 +144,7 @@ def _make_step_table(steps: list[Step], rows: int) -> Table:
     table.add_column("step", justify="right")
     columns = [column for column in _COLUMNS if column[0] in steps[0].info]
     for _, heading, _ in columns:
-        table.add_column(heading, justify="right")
+        table.add_column(Text(heading), justify="right")  # as a plain string rich would take [mm] for a style
     table.add_column("action")
     table.add_column("reward", justify="right")
     for number in sorted({round(value) for value in np.linspace(0, len(steps) - 1, rows)}):

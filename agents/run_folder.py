@@ -135,6 +135,8 @@ class RunFolder:
             if not parent.is_dir():
                 raise RunError(f"Run folder '{path}' does not exist, and neither does '{parent}'.")
             runs = [item.name for item in parent.iterdir() if (item / "settings.toml").is_file()]
+            if not runs:
+                raise RunError(f"Run folder '{path}' does not exist, and '{parent}' holds no other run.")
             raise RunError(f"Run folder '{path}' does not exist in '{parent}'{suggest(path.name, runs)}")
         if not (path / "settings.toml").is_file() or not (path / "checkpoints").is_dir():
             raise RunError(f"'{path}' is not a run folder: it has no settings.toml with checkpoints/ beside it.")

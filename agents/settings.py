@@ -98,7 +98,7 @@ class TrainSettings:
     env: str = "MammobotDuct-v0"
     """Environment id."""
     env_options: tuple[str, ...] = ()
-    """Arguments of the environment as key=value, for example: control_step=0.5."""
+    """Arguments of the environment as key=value, for example: control_step_s=0.5."""
     algorithm: Algorithm = Algorithm.PPO
     """Learning algorithm."""
     total_steps: int = 500_000
@@ -169,7 +169,7 @@ class TrainSettings:
 
 
 def parse_options(options: tuple[str, ...]) -> dict[str, Any]:
-    """Turn ``("control_step=0.5", "model=robot_a")`` into keyword arguments.
+    """Turn ``("control_step_s=0.5", "model=robot_a")`` into keyword arguments.
 
     A value is read as TOML (numbers, true, false, lists, quoted text); anything else is taken as plain text.
 
@@ -181,7 +181,7 @@ def parse_options(options: tuple[str, ...]) -> dict[str, Any]:
         key, separator, text = option.partition("=")
         key = key.strip().replace("-", "_")
         if not separator or not key.isidentifier():
-            raise ConfigError(f"Option '{option}' is not of the form key=value, for example control_step=0.5.")
+            raise ConfigError(f"Option '{option}' is not of the form key=value, for example control_step_s=0.5.")
         if key in result:
             raise ConfigError(f"Option '{key}' is given twice: {result[key]!r} and {text!r}.")
         try:

@@ -19,5 +19,5 @@ def suggest(name: str, known: Iterable[str]) -> str:
     if near:
         return f". Did you mean '{folded[near[0]]}'?"
     if not names:
-        return "; there is none."
+        return "; no name is known there."
     return f"; known: {', '.join(names[:12])}{', ...' if len(names) > 12 else '.'}"

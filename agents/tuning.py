@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 import evergym
 from evergym.agents.duty_cycle import DutyCycleController, DutyCycleSettings
@@ -232,7 +233,7 @@ def _rows(trials: Sequence[Trial]) -> Iterator[list[str]]:
 def _print_table(title: str, trials: Sequence[Trial]) -> None:
     table = Table(title=title)
     for column in ("candidate", "reached", "time [s]", "wall force [N]", "score", *RANGES):
-        table.add_column(column)
+        table.add_column(Text(column))  # as a plain string rich would take [s] for a style
     for row in _rows(trials):
         table.add_row(*row)
     Console(width=150).print(table)

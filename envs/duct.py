@@ -17,7 +17,7 @@ from evergym.duct_models.importer import load_duct
 from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import DUCT_TERMS, ObservationTerm
 from evergym.envs.route import LumenRoute
-from evergym.envs.settings import EpisodeSettings, PictureSettings, check_index, check_keys
+from evergym.envs.settings import EpisodeSettings, PictureSettings, check_choice, check_index, check_keys
 from evergym.errors import ConfigError, GeometryError
 from evergym.units import MM
 from evergym.world import World
@@ -160,7 +160,7 @@ class MammobotDuctEnv(MammobotEnv):
     ) -> None:
         names = {field.name for field in dataclasses.fields(EpisodeSettings)}
         check_keys(settings, names, where="the environment's arguments")
-        check_keys({family: None}, FAMILIES, where="family")
+        check_choice(family, FAMILIES, "family")
         check_index(pool_size, "pool_size", 1)
         self.family = family
         self.pool_size = pool_size
@@ -179,7 +179,7 @@ class MammobotDuctEnv(MammobotEnv):
             family, index = str(duct.metadata.get("family", "")), int(duct.metadata.get("index", -1))
         else:
             family = options.get("family", self.family)
-            check_keys({family: None}, FAMILIES, where="options['family']")
+            check_choice(family, FAMILIES, "options['family']")
             index = options["index"] if "index" in options else int(self.np_random.integers(self.pool_size))
             check_index(index, "options['index']", 0)
             duct, world = _build_place(family, index)

@@ -15,7 +15,7 @@ from evergym.duct_models.pegs import PAPER_TARGETS, PegField, paper_pegs
 from evergym.envs.base import MammobotEnv
 from evergym.envs.observation import PEG_TERMS, ObservationTerm
 from evergym.envs.route import PegRoute
-from evergym.envs.settings import EpisodeSettings, PictureSettings, check_index, check_keys
+from evergym.envs.settings import EpisodeSettings, PictureSettings, check_choice, check_index, check_keys
 from evergym.errors import ConfigError, GeometryError
 from evergym.units import MM
 from evergym.world import World
@@ -100,7 +100,7 @@ class MammobotPegsEnv(MammobotEnv):
         check_keys(
             settings, (field.name for field in dataclasses.fields(EpisodeSettings)), where="the environment's arguments"
         )
-        check_keys({family: None}, _FAMILIES, where="family")
+        check_choice(family, _FAMILIES, "family")
         check_index(pool_size, "pool_size", 1)
         self.family = family
         self.pool_size = pool_size
@@ -121,7 +121,7 @@ class MammobotPegsEnv(MammobotEnv):
             world = World.peg_field(field)
         else:
             family = options.get("family", self.family)
-            check_keys({family: None}, _FAMILIES, where="options['family']")
+            check_choice(family, _FAMILIES, "options['family']")
             # The paper's field is one arrangement; its index says which of the targets.
             count = len(PAPER_TARGETS) if family == "paper" else self.pool_size
             index = options["index"] if "index" in options else int(self.np_random.integers(count))

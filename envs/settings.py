@@ -13,7 +13,7 @@ import numpy as np
 
 from evergym.errors import ConfigError
 
-__all__ = ["EpisodeSettings", "PictureSettings", "RewardSettings", "check_index", "check_keys"]
+__all__ = ["EpisodeSettings", "PictureSettings", "RewardSettings", "check_choice", "check_index", "check_keys"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class EpisodeSettings:
         _check_number("success_distance_mm", self.success_distance_mm, above=0.0, unit="mm")
         _check_number("wall_force_limit_n", self.wall_force_limit_n, above=0.0, unit="N")
         _check_number("perforation_depth_mm", self.perforation_depth_mm, above=0.0, unit="mm")
-        check_keys({self.observation: None}, ("state", "state+image"), where="observation")
+        check_choice(self.observation, ("state", "state+image"), "observation")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ class PictureSettings:
     height: int | None = None
 
     def __post_init__(self) -> None:
-        check_keys({self.view: None}, ("outside", "endoscope", "map"), where="view")
+        check_choice(self.view, ("outside", "endoscope", "map"), "view")
         for name in ("width", "height"):
             value = getattr(self, name)
             if value is not None:
@@ -130,6 +130,15 @@ def check_keys(given: Mapping[str, Any], known: Iterable[str], *, where: str) ->
             nearest = difflib.get_close_matches(str(key), names, n=1, cutoff=0.0)
             hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
             raise ConfigError(f"Unknown key {key!r} in {where}.{hint} Known keys: {', '.join(names)}.")
+
+
+def check_choice(value: Any, known: Iterable[str], name: str) -> None:
+    """Raise ``ConfigError`` unless ``value`` is one of the ``known`` words, with the nearest of them."""
+    words = sorted(known)
+    if value not in words:
+        nearest = difflib.get_close_matches(str(value), words, n=1)
+        hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+        raise ConfigError(f"{name} is {value!r}; it must be one of {', '.join(words)}.{hint}")
 
 
 def check_index(value: Any, name: str, least: int) -> None:

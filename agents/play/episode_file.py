@@ -6,10 +6,12 @@ the shape, contacts) is laid end to end, with the lengths beside it. Poses are s
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import io
 import json
 import os
+import tempfile
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -27,7 +29,7 @@ from evergym.envs.rendering.pose import Pose
 from evergym.errors import EvergymError, RunError
 from evergym.simulator import Contacts, Shape
 
-__all__ = ["SUFFIX", "find_episodes", "read_episode", "write_episode"]
+__all__ = ["SUFFIX", "check_folder", "find_episodes", "read_episode", "write_episode"]
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -36,6 +38,30 @@ SUFFIX = ".episode.npz"
 """How the files' names end."""
 
 _LINE = ("position", "radius", "parent", "station", "generation", "branch")
+
+
+def check_folder(folder: Path) -> None:
+    """Check that episodes can be saved in a folder, and leave everything as it was.
+
+    Raises:
+        RunError: it is a file, or it cannot be made or written to.
+    """
+    made: list[Path] = []
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise RunError(f"--folder '{folder}' is a file. Choose a folder.")
+        made = [part for part in (folder, *folder.parents) if not part.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise RunError(
+            f"No episodes can be saved in --folder '{folder}': {error.strerror}. Choose another folder."
+        ) from None
+    finally:
+        for part in made:
+            with contextlib.suppress(OSError):
+                part.rmdir()
 
 
 def write_episode(episode: Episode, path: Path) -> Path:
@@ -97,8 +123,8 @@ def read_episode(path: Path) -> Episode:
         raise
     except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile, EvergymError) as error:
         raise RunError(
-            f"'{path}' is not an episode, or it is damaged ({type(error).__name__}: {error}). Episodes are written by "
-            "`evergym play` and `evergym replay --save`."
+            f"'{path}' is not an episode, or it is damaged. Episodes are written by `evergym play` and "
+            "`evergym replay --save`."
         ) from error
 
 

@@ -15,14 +15,19 @@ from evergym.agents.play.episode import DRIVERS, Episode, Frame
 from evergym.agents.play.readout import END_TEXT
 from evergym.envs.rendering.endoscope import EndoscopeView
 from evergym.envs.rendering.outside import OutsideView
-from evergym.errors import RunError
+from evergym.errors import ConfigError, RunError
 
-__all__ = ["Camera", "write_film", "write_picture"]
+__all__ = ["Camera", "find_empty_corner", "write_film", "write_picture"]
 
 FILM_RATE = 24
 """Frames a second of a film."""
 _INSET = 0.3
 _BORDER = 2
+_MARGIN = 8
+_STRIP = 10
+"""Part of the height that caption and scale bar take."""
+_INK = 12
+"""Difference from the background, of 255, from which a pixel shows something."""
 
 
 class Camera:
@@ -39,21 +44,25 @@ class Camera:
         side = int(_INSET * min(size))
         self._side = side
         self._endoscope = EndoscopeView(episode.scene, episode.target)
+        self._corner: tuple[slice, slice] | None = None
 
     def draw(self, frame: Frame) -> NDArray[np.uint8]:
         """Return a picture with its caption, shape (height, width, 3)."""
         values, heading = frame.values, self._episode.heading
         who = DRIVERS[int(values["driver"])]
-        caption = f"{heading.anatomy}   {values['time_s']:.1f} s   {who}   {values['tip_error_mm']:.1f} mm to go"
+        caption = f"{heading.anatomy}   {values['time_s']:.1f} s   {who}   tip error {values['tip_error_mm']:.1f} mm"
         if frame is self._episode.frames[-1] and heading.end_reason:
             caption += f"   {END_TEXT.get(heading.end_reason, heading.end_reason)}"
         picture = self._outside.frame(frame.pose, caption)
+        if (
+            self._corner is None
+        ):  # the same in all pictures: the robot stays within the place, where there is ink anyway
+            self._corner = find_empty_corner(picture, self._side + 2 * _BORDER)
         small = Image.fromarray(self._endoscope.frame(frame.pose))
         inset = np.asarray(small.resize((self._side, self._side), Image.Resampling.BICUBIC))
         framed = np.full((self._side + 2 * _BORDER, self._side + 2 * _BORDER, 3), 73, dtype=np.uint8)
         framed[_BORDER:-_BORDER, _BORDER:-_BORDER] = inset
-        height, width = framed.shape[:2]
-        picture[8 : 8 + height, -8 - width : -8] = framed
+        picture[self._corner] = framed
         return picture
 
     def close(self) -> None:
@@ -62,19 +71,43 @@ class Camera:
         self._endoscope.close()
 
 
+def find_empty_corner(picture: NDArray[np.uint8], side: int) -> tuple[slice, slice]:
+    """Return the rows and columns of the square in a corner that hides least; at a draw, the upper right one.
+
+    On the left it keeps clear of the caption above it and of the scale bar below it.
+
+    Args:
+        picture: On a white ground, shape (height, width, 3).
+        side: Of the square in pixels.
+    """
+    low, right = (length - _MARGIN - side for length in picture.shape[:2])
+    ink = picture.min(axis=2) < 255 - _INK
+    strip = max(_MARGIN, picture.shape[0] // _STRIP)
+    corners = [
+        (slice(top, top + side), slice(left, left + side))
+        for top, left in ((_MARGIN, right), (low, right), (low + _MARGIN - strip, _MARGIN), (strip, _MARGIN))
+    ]
+    return min(corners, key=lambda corner: int(np.count_nonzero(ink[corner])))
+
+
 def write_picture(episode: Episode, path: Path, at: float | None, size: tuple[int, int]) -> None:
     """Write a picture of one instant, or a sheet of 8 over the episode.
 
     Args:
         episode: The episode.
-        path: PNG, JPEG or another that Pillow knows by its ending.
+        path: PNG, or another that Pillow knows by its ending.
         at: Robot time [s]; None: a sheet.
         size: Of one picture in pixels.
 
     Raises:
+        ConfigError: the instant is not within the episode.
         RunError: the ending is unknown, or the file cannot be written.
     """
     count = len(episode.frames)
+    end = (count - 1) * episode.heading.interval_s
+    # Half a frame more: what is read off a page is rounded to 0.1 s.
+    if at is not None and not 0.0 <= at <= end + max(0.5 * episode.heading.interval_s, 0.05):
+        raise ConfigError(f"--at is {at:g} s; the episode goes from 0 to {end:.1f} s.")
     if at is None:
         numbers = sorted({round(value) for value in np.linspace(0, count - 1, 8)})
     else:

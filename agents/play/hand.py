@@ -1,13 +1,18 @@
-"""The four drives as a hand sets them: sliders hold a value, keys move it for as long as they are pressed."""
+"""The four drives as a hand sets them: sliders hold a value, keys move it for as long as they are pressed.
+
+Keys count in the hand's own time, not in the robot's, which may run eight times as fast.
+"""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from enum import Enum
 
 from evergym.envs.drive import DriveLimits
 from evergym.units import DEG, KPA, MM
 
-__all__ = ["KEY_SPEED", "KEY_TIME", "DriveName", "Hand"]
+__all__ = ["HOLD_GAP", "KEY_SPEED", "KEY_TIME", "DriveName", "Hand"]
 
 
 class DriveName(Enum):
@@ -20,58 +25,76 @@ class DriveName(Enum):
 
 
 KEY_TIME = 0.55
-"""How long a velocity lasts after a key [s of robot time]: longer than the half second after which a key repeats."""
+"""How long a velocity lasts after a key [s of real time]: longer than the half second after which a key repeats."""
 KEY_SPEED = 2.0 * MM
 """Insertion velocity of a key [m/s], the duty cycle's."""
-_STEP = {DriveName.PULL: 0.1 * MM, DriveName.PRESSURE: 1.0 * KPA}  # of a key; a held one repeats some 30 times a second
+HOLD_GAP = 0.12
+"""A key that comes again within this time is held [s of real time]: longer than between repeats, shorter than taps."""
+_STEP = {DriveName.PULL: 0.1 * MM, DriveName.PRESSURE: 1.0 * KPA}  # of a tap
+_RATE = {DriveName.PULL: 2.0 * MM, DriveName.PRESSURE: 20.0 * KPA}  # while held, a second: the whole range in 2.5 s
 
 
 class Hand:
     """Set points of a person's drives, SI units.
 
     A velocity set by a slider stays; one set by a key ends by itself soon after the key is let go, so that nobody who
-    looks away drives through a wall.
+    looks away drives through a wall. A tap moves pull or pressure by a step; a key that is held moves it at a rate,
+    however often the keyboard repeats it.
 
     Args:
         limits: Of the drives.
+        clock: Real time [s].
     """
 
-    def __init__(self, limits: DriveLimits) -> None:
+    def __init__(self, limits: DriveLimits, clock: Callable[[], float] = time.monotonic) -> None:
         self.limits = limits
+        self._clock = clock
         self.reset()
 
     def reset(self) -> None:
         """Let go of everything."""
         self.value = dict.fromkeys(DriveName, 0.0)
-        self._left: dict[DriveName, float] = {}
+        self._end: dict[DriveName, float] = {}
+        self._pressed: dict[DriveName, tuple[float, int]] = {}
 
     def set(self, drive: DriveName, value: float) -> None:
         """Set a drive, as a slider does; the value is limited to the drive's range."""
         low, high = self.range(drive)
         self.value[drive] = min(max(value, low), high)
-        self._left.pop(drive, None)
+        self._end.pop(drive, None)
+        self._pressed.pop(drive, None)
 
-    def press(self, drive: DriveName, direction: int) -> None:
-        """Take one press (or one repeat) of a drive's key; ``direction`` is +1 or -1."""
+    def press(self, drive: DriveName, direction: int, at: float | None = None) -> None:
+        """Take one press (or one repeat) of a drive's key.
+
+        Args:
+            drive: The drive.
+            direction: +1 or -1.
+            at: When the key was pressed, by the clock [s]; None: now.
+        """
+        now = self._clock()
         if drive in _STEP:
-            self.set(drive, self.value[drive] + direction * _STEP[drive])
+            at = now if at is None else at
+            before, towards = self._pressed.get(drive, (at - HOLD_GAP, 0))
+            held = towards == direction and at - before < HOLD_GAP
+            self.set(drive, self.value[drive] + direction * (_RATE[drive] * (at - before) if held else _STEP[drive]))
+            self._pressed[drive] = at, direction
             return
         speed = KEY_SPEED if drive is DriveName.INSERTION else self.limits.roll_rate
         self.set(drive, direction * speed)
-        self._left[drive] = KEY_TIME
+        self._end[drive] = now + KEY_TIME
 
     def stop(self) -> None:
         """Stop what moves: insertion and roll; pull and pressure stay."""
         for drive in (DriveName.INSERTION, DriveName.ROLL):
             self.set(drive, 0.0)
 
-    def pass_time(self, duration: float) -> None:
-        """Let robot time pass [s]; a key's velocity ends."""
-        for drive, left in list(self._left.items()):
-            if left <= duration + 1e-9:
+    def let_go(self) -> None:
+        """End the velocities of keys that have not been pressed for a while."""
+        now = self._clock()
+        for drive, end in list(self._end.items()):
+            if now >= end:
                 self.set(drive, 0.0)
-            else:
-                self._left[drive] = left - duration
 
     def range(self, drive: DriveName) -> tuple[float, float]:
         """Return the least and the largest value of a drive."""

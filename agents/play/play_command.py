@@ -11,7 +11,7 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evergym.errors import ConfigError, EvergymError, RunError
+from evergym.errors import ConfigError, EvergymError
 
 if TYPE_CHECKING:
     from evergym.agents.play.player import Player
@@ -47,8 +47,8 @@ class Play:
     """Port to serve at (0: any free one)."""
     folder: Path = Path("runs/play")
     """Where episodes are saved."""
-    browser: bool = True
-    """Open the page in a browser, where there is a display."""
+    no_browser: bool = False
+    """Open no browser, only print the page's address (without a display none is opened anyway)."""
     benchmark: float | None = None
     """Drive by the duty cycle for so many seconds without waiting for a page, print the update rate, and end."""
 
@@ -62,20 +62,23 @@ class Play:
 
     def _serve(self) -> int:
         from evergym.agents.play.server import check_address, describe_address, start_server, stop_server
+        from evergym.compilation import announce_compilation
 
         check_address(self.host, self.port)  # before anything that takes time
-        player = self._make_player()
+        with announce_compilation(_say):
+            player = self._make_player()
         from evergym.agents.play.play_page import PlayPage
 
         server = start_server(self.host, self.port, "MAMMOBOT")
         try:
-            page = PlayPage(server, player)
-            page.draw()
+            with announce_compilation(_say):
+                page = PlayPage(server, player)
+                page.draw()
             address = describe_address(server, self.host)
             print(f"Drive the robot at {address}  (Ctrl-C ends)", flush=True)
             if self.benchmark is not None:
                 return _measure(server, player, page, self.benchmark)
-            open_browser(address, self.browser)
+            open_browser(address, not self.no_browser)
             _drive(server, player, page)
         finally:
             stop_server(server)
@@ -83,6 +86,7 @@ class Play:
         return 0
 
     def _make_player(self) -> Player:
+        from evergym.agents.play.episode_file import check_folder
         from evergym.agents.play.player import SPEEDS, Player
         from evergym.agents.play.session import Session
         from evergym.agents.run_folder import RunFolder
@@ -93,10 +97,9 @@ class Play:
             trained = RunFolder.open(self.policy).settings
             name = name or trained.env
             texts = trained.env_options if texts is None else texts
-        if self.folder.exists() and not self.folder.is_dir():
-            raise RunError(f"--folder '{self.folder}' is a file. Choose a folder.")
         if self.speed not in SPEEDS:
             raise ConfigError(f"--speed is {self.speed}; it must be one of {', '.join(map(str, SPEEDS))}.")
+        check_folder(self.folder)
         options = parse_options(texts or ())
         if self.model is not None:
             options["model"] = self.model
@@ -115,6 +118,10 @@ def open_browser(address: str, wanted: bool) -> None:
     display = sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
     if wanted and display:
         webbrowser.open(address)
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
 
 
 def _drive(server: Any, player: Player, page: Any) -> None:

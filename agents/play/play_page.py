@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -15,8 +17,11 @@ from evergym.agents.play.loop import Pace
 from evergym.agents.play.player import SPEEDS, Mode, Player
 from evergym.agents.play.readout import write_banner, write_keys, write_legend, write_readings
 from evergym.agents.play.stage import Stage
+from evergym.compilation import announce_compilation
 from evergym.duct_models.family import FAMILIES
 from evergym.duct_models.peg_family import PEG_FAMILIES
+from evergym.errors import EvergymError
+from evergym.units import MM
 
 __all__ = ["PlayPage"]
 
@@ -36,6 +41,7 @@ _KEYS = {
     "M": (DriveName.PRESSURE, 1),
     "N": (DriveName.PRESSURE, -1),
 }
+_FIELDS = {"family": "Family", "index": "Number", "target": "Target", "duct": "Mesh file"}
 _PICTURE_EVERY = 2
 _PLOTS_EVERY = 6
 
@@ -72,7 +78,13 @@ class PlayPage:
             if player.place_number != self._place_number:
                 self._build_place()
             self._show_drives()
-            self._banner.content = write_banner(player.mode, player.driver, player.session.end_reason, frame)
+            self._banner.content = write_banner(
+                player.mode,
+                player.driver,
+                player.session.end_reason,
+                frame,
+                player.session.env.drive.limits.protrusion / MM,
+            )
             moving = frame is not self._shown
             if moving:
                 self._stage.show(frame)
@@ -166,7 +178,8 @@ class PlayPage:
         player = self._player
         for key, (drive, direction) in _KEYS.items():
             label = f"{_SLIDERS[drive][0].partition(',')[0]} {'up' if direction > 0 else 'down'}"
-            self._hotkey(label, key, partial(player.press, drive, direction))
+            command = self._server.gui.add_command(label, hotkey=key)  # type: ignore[arg-type]  # a letter
+            command.on_trigger(partial(self._on_drive_key, drive, direction))
         for key, label, action in (
             ("X", "Stop", player.stop),
             ("C", "Duty cycle drives", partial(player.hand_over, DRIVERS[1])),
@@ -186,6 +199,10 @@ class PlayPage:
     def _hotkey(self, label: str, key: Any, action: Callable[[], Any]) -> None:
         self._server.gui.add_command(label, hotkey=key).on_trigger(lambda _: self._player.post(action))
 
+    def _on_drive_key(self, drive: DriveName, direction: int, _: Any) -> None:
+        # Timed here: when it is answered depends on how busy the simulator is.
+        self._player.post(partial(self._player.press, drive, direction, time.monotonic()))
+
     def _on_slider(self, drive: DriveName, event: Any) -> None:
         if event.client_id is None:
             return  # the page itself has moved it, to where the drive is
@@ -203,11 +220,20 @@ class PlayPage:
             options = {"family": self._family.value, "index": int(self._index.value)}
         if self._ducts:
             options["target"] = int(self._target.value)
-        note = self._notify("Building the place", "A new anatomy takes some seconds.", loading=True)
+        notes = self._notify("Building the place", "A new anatomy takes some seconds.", loading=True)
+
+        def tell(text: str) -> None:
+            print(text, flush=True)
+            notes.extend(self._notify("One moment", text, loading=True))
+
         try:
-            self._player.reset(int(self._seed.value), options)
+            with announce_compilation(tell):
+                self._player.reset(int(self._seed.value), options)
+        except EvergymError as error:
+            self._show_place()  # the fields are to say where the robot is
+            raise type(error)(_name_fields(str(error))) from None
         finally:
-            for handle in note:
+            for handle in notes:
                 handle.remove()
 
     def _build_place(self) -> None:
@@ -216,19 +242,25 @@ class PlayPage:
         self._stage.place(session.scene, session.target, session.way, self._player.frame)
         self._place_number = self._player.place_number
         self._policy_button.disabled = DRIVERS[2] not in session.drivers
+        self._show_place()
+
+    def _show_place(self) -> None:
+        """Put the fields to the place that the robot is in."""
+        session = self._player.session
         anatomy = session.anatomy
         if anatomy.get("anatomy_family") in self._family.options:
             _put(self._family, str(anatomy["anatomy_family"]))
             _put(self._index, int(anatomy["anatomy_index"]))
         _put(self._target, int(anatomy.get("target_index", 0)))
         _put(self._seed, session.seed)
+        _put(self._mesh, str(session.options.get("duct", "")))
 
     def _show_drives(self) -> None:
         """Put the sliders where the drives are set, whoever has set them."""
         hand = self._player.driver == DRIVERS[0]
         values = self._player.session.hand.value if hand else self._player.session.commands()
         for drive, slider in self._sliders.items():
-            value = round(values[drive] / Hand.unit(drive)[1], 2)
+            value = round(values[drive] / Hand.unit(drive)[1], 2) + 0.0  # never -0
             _put(slider, min(max(value, slider.min), slider.max))
 
     def _show_notices(self) -> None:
@@ -246,6 +278,11 @@ class PlayPage:
 def _put(handle: Any, value: Any) -> None:
     """Set a widget's value on all pages; the widgets' types call it read-only."""
     handle.value = value
+
+
+def _name_fields(text: str) -> str:
+    """Return an error's text with the options of the reset named as the page's fields are."""
+    return re.sub(r"options\['(\w+)'\]", lambda match: _FIELDS.get(match[1], match[1]), text)
 
 
 def _write_pace(pace: Pace, speed: int) -> str:

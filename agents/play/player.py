@@ -90,10 +90,10 @@ class Player(Desk):
         self._take()
         self.session.hand.set(drive, value)
 
-    def press(self, drive: DriveName, direction: int) -> None:
-        """Take one press or repeat of a drive's key, by hand."""
+    def press(self, drive: DriveName, direction: int, at: float | None = None) -> None:
+        """Take one press or repeat of a drive's key, by hand; ``at``: when, by ``time.monotonic`` (None: now)."""
         self._take()
-        self.session.hand.press(drive, direction)
+        self.session.hand.press(drive, direction, at)
 
     def stop(self) -> None:
         """Stop what moves, by hand."""
@@ -104,7 +104,7 @@ class Player(Desk):
     def hand_over(self, driver: str) -> None:
         """Let one of ``DRIVERS`` drive, and start if it has not begun."""
         if self.mode is Mode.ENDED:
-            raise RunError("The episode is over. Reset first.")
+            raise RunError("The episode is over. Start again first (R).")
         self.session.hand_over(driver)
         if driver != DRIVERS[0] or self.mode is Mode.PAUSED:
             self.mode = Mode.RUNNING

@@ -8,8 +8,19 @@ from html import escape
 from evergym.agents.play.episode import Frame, Heading
 from evergym.agents.play.player import Mode
 from evergym.agents.play.stage import COLOURS
+from evergym.envs.drive import DriveLimits
+from evergym.units import MM
 
-__all__ = ["END_TEXT", "KEYS", "write_banner", "write_keys", "write_legend", "write_readings", "write_replay_banner"]
+__all__ = [
+    "END_TEXT",
+    "KEYS",
+    "write_banner",
+    "write_keys",
+    "write_legend",
+    "write_number",
+    "write_readings",
+    "write_replay_banner",
+]
 
 END_TEXT = {
     "reached": "Target reached",
@@ -32,16 +43,27 @@ KEYS = (
 )
 """Keys and what they do. W, A, S, D, Q, E and the arrows move the camera, so the drives have others."""
 
-_TONE = {"wait": "#1971c2", "go": "#495057", "good": "#2b8a3e", "bad": "#c92a2a"}
+_TONE = {"wait": "#1971c2", "go": "#495057", "held": "#d9480f", "good": "#2b8a3e", "bad": "#c92a2a"}
+_NEAR = 0.1  # [mm] to the interlock's limit: a sheath that still grows a little lets the catheter follow that much
 
 
-def write_banner(mode: Mode, driver: str, end_reason: str, frame: Frame) -> str:
-    """Return the banner: what is going on, and what to do next."""
+def write_banner(
+    mode: Mode, driver: str, end_reason: str, frame: Frame, protrusion_max_mm: float = DriveLimits.protrusion / MM
+) -> str:
+    """Return the banner: what is going on, and what to do next.
+
+    Args:
+        mode: Of the player.
+        driver: Who drives, of ``DRIVERS``.
+        end_reason: Why the episode is over; empty while it lasts.
+        frame: The latest.
+        protrusion_max_mm: How far ahead of the sheath the interlock holds the catheter.
+    """
     time_s = frame.values["time_s"]
     if mode is Mode.ENDED:
         good = end_reason == "reached"
         text = END_TEXT.get(end_reason, end_reason)
-        more = f"after {time_s:.1f} s, {frame.values['tip_error_mm']:.1f} mm from the target. R starts again."
+        more = f"after {time_s:.1f} s, tip error {frame.values['tip_error_mm']:.1f} mm. R starts again."
         return _banner("good" if good else "bad", ("✓ " if good else "✗ ") + text, more)
     if mode is Mode.READY:
         return _banner(
@@ -52,6 +74,10 @@ def write_banner(mode: Mode, driver: str, end_reason: str, frame: Frame) -> str:
     if mode is Mode.PAUSED:
         return _banner("wait", "Paused", "P goes on.")
     if driver == "hand":
+        ahead = frame.values["catheter_length_mm"] - frame.values["everted_length_mm"]
+        if frame.values["command_insertion_mm_s"] > 0.0 and ahead > protrusion_max_mm - _NEAR:
+            title = f"Catheter held: {protrusion_max_mm:g} mm ahead of the sheath; raise the pressure (M)"
+            return _banner("held", title, "You drive. It goes on as the sheath grows after it.")
         return _banner("go", "You drive", "Bring the tip to the green target. C hands over.")
     return _banner("go", f"The {driver} drives", "Any slider or key takes back.")
 
@@ -71,13 +97,14 @@ def write_readings(frame: Frame) -> str:
     v = frame.values
     flags = [word for word, on in (("buckled", v["buckled"]), ("burst", v["burst"])) if on]
     rows = (
-        ("tip x, y, z", f"{v['tip_x_mm']:.1f}, {v['tip_y_mm']:.1f}, {v['tip_z_mm']:.1f} mm", "tip"),
-        ("to the target", f"{v['tip_error_mm']:.1f} mm", "tip-error"),
+        ("tip x, y, z", f"{', '.join(write_number(v[f'tip_{axis}_mm'], 1) for axis in 'xyz')} mm", "tip"),
+        ("tip error", f"{v['tip_error_mm']:.1f} mm", "tip-error"),
         ("everted length", f"{v['everted_length_mm']:.1f} mm", "everted"),
         ("catheter inserted", f"{v['catheter_length_mm']:.1f} mm", "catheter"),
         ("pressure", f"{v['pressure_kpa']:.1f} kPa", "pressure"),
         ("tendon pull", f"{v['tendon_pull_mm']:.2f} mm", "pull"),
-        ("wall force, one section", f"{v['wall_force_max_n']:.3f} N", "force"),
+        ("wall force, largest section", f"{v['wall_force_max_n']:.3f} N", "force"),
+        ("wall force, sum", f"{v['wall_force_n']:.3f} N", "force-sum"),
         ("time", f"{v['time_s']:.1f} s{' · ' + ', '.join(flags) if flags else ''}", "time"),
     )
     cells = "".join(
@@ -89,6 +116,11 @@ def write_readings(frame: Frame) -> str:
     return f'<div style="padding:2px 12px 4px"><table style="{style}">{cells}</table></div>'
 
 
+def write_number(value: float, digits: int) -> str:
+    """Return a number with so many decimals, and never "-0"."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"
+
+
 def write_legend() -> str:
     """Return what the colours on the canvas mean."""
     words = {
@@ -96,7 +128,7 @@ def write_legend() -> str:
         "sheath": "sheath",
         "catheter": "catheter",
         "tendon": "tendon and its side: pulling bends the tip this way",
-        "target": "target and the way to it",
+        "target": "target, a pin over it, and the way to it",
         "contact": "contact force on the wall",
     }
     dot = "display:inline-block;width:10px;height:10px;border-radius:5px;margin-right:6px"

@@ -33,7 +33,7 @@ class Replay:
     video: Path | None = None
     """Write a film (.mp4) and no page."""
     png: Path | None = None
-    """Write a picture and no page: a sheet of 8 instants, or one with --at."""
+    """Write a picture (.png) and no page: a sheet of 8 instants, or one with --at."""
     at: float | None = None
     """Instant of the picture [s]."""
     speed: float = 1.0
@@ -46,8 +46,8 @@ class Replay:
     """Address to serve at; the default is seen by this machine only."""
     port: int = 8080
     """Port to serve at (0: any free one)."""
-    browser: bool = True
-    """Open the page in a browser, where there is a display."""
+    no_browser: bool = False
+    """Open no browser, only print the page's address (without a display none is opened anyway)."""
 
     def run(self) -> int:
         """Show the episode; returns 0, or 2 if it cannot be shown as asked."""
@@ -58,8 +58,14 @@ class Replay:
             return 2
 
     def _show(self) -> int:
+        from evergym.compilation import announce_compilation
+
         page = self.video is None and self.png is None
         self._check(page)
+        with announce_compilation(lambda text: print(text, flush=True)):
+            return self._show_checked(page)
+
+    def _show_checked(self, page: bool) -> int:
         episode, files = self._load()
         if self.save is not None:
             from evergym.agents.play.episode_file import write_episode
@@ -76,6 +82,9 @@ class Replay:
 
     def _check(self, page: bool) -> None:
         """Raise for what is wrong before anything that takes time."""
+        for name, target, ending in (("--video", self.video, ".mp4"), ("--png", self.png, ".png")):
+            if target is not None and target.suffix.lower() != ending:
+                raise ConfigError(f"{name} '{target}' does not end in {ending}, the only format it is written in.")
         for path in (self.video, self.png, self.save):
             if path is not None and path.exists():
                 raise RunError(f"'{path}' exists already and is not overwritten. Choose another file.")
@@ -162,7 +171,7 @@ class Replay:
             page.draw()
             address = describe_address(server, self.host)
             print(f"Look at the episode at {address}  (Ctrl-C ends)", flush=True)
-            open_browser(address, self.browser)
+            open_browser(address, not self.no_browser)
 
             def step() -> None:
                 reel.answer()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -104,9 +105,9 @@ class ReplayPage:
         if self._gone is not None:
             self._gone.remove()
         with self._folder:
-            end = max(reel.duration, episode.heading.interval_s)
+            end = max(math.ceil(10.0 * reel.duration - 1e-6) / 10.0, 0.1)  # the last frame can be reached
             self._gone = self._server.gui.add_slider(
-                "Time, s (J/L)", min=0.0, max=end, step=episode.heading.interval_s, initial_value=0.0, order=-1.0
+                "Time, s (J/L)", min=0.0, max=end, step=0.1, initial_value=0.0, order=-1.0
             )
         self._gone.on_update(self._on_slider)
         self._place_number = reel.place_number
@@ -117,7 +118,7 @@ class ReplayPage:
 
     def _put_time(self, time: float) -> None:
         slider: Any = self._gone
-        slider.value = min(time, slider.max)
+        slider.value = min(round(time, 1), slider.max)
 
     def _hotkey(self, key: Any, label: str, action: Any) -> None:
         self._server.gui.add_command(label, hotkey=key).on_trigger(lambda _: self._reel.post(action))

@@ -77,6 +77,7 @@ class Session:
         self.driver = _HAND
         self.frames: list[Frame] = []
         self._steerer: Policy | None = None
+        self._stepped: set[type] = set()
 
     @property
     def env(self) -> MammobotEnv:
@@ -125,6 +126,11 @@ class Session:
             raise ConfigError(f"The seed is {new_seed}; it must be 0 or above.")
         new_options = dict(self.options if options is None else options)
         self._observation, info = self._env.reset(seed=new_seed, options=new_options or None)
+        if type(self.scene) not in self._stepped:
+            # The kernels of a first step are compiled here, where people expect to wait, and not under their hands.
+            self._env.step(np.zeros(4, dtype=np.float32))
+            self._stepped.add(type(self.scene))
+            self._observation, info = self._env.reset(seed=new_seed, options=new_options or None)
         self.seed, self.options = new_seed, new_options
         self._info = info
         self.hand.reset()
@@ -191,9 +197,9 @@ class Session:
         """
         if not self.frames or self.ended:
             raise RunError("There is no episode to go on with. Reset first.")
+        self.hand.let_go()
         self._action = self._hand_action() if self._steerer is None else self._ask()
         self._observation, reward, _, _, self._info = self._env.step(self._action)
-        self.hand.pass_time(self.interval)
         frame = self._read(float(reward))
         self.frames.append(frame)
         return frame

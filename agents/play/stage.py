@@ -14,7 +14,7 @@ from evergym.duct_models.duct import Duct
 from evergym.duct_models.pegs import PegField
 from evergym.units import MM
 
-__all__ = ["COLOURS", "Stage"]
+__all__ = ["COLOURS", "PIN_CLEARANCE", "Stage", "find_pin_head"]
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,11 @@ SIDE_LENGTH = 4.0 * MM
 """Length of the arrow that shows the tendon's side [m]."""
 PEG_REACH = 6.0 * MM
 """How far pegs are drawn above and below the port [m]; they have no ends."""
+
+TARGET_RADIUS = 1.6 * MM
+"""Of the ball that marks the target [m]."""
+PIN_CLEARANCE = 2.5 * MM
+"""How far from the wall the head of the target's pin is at least [m]."""
 
 COLOURS = {
     "wall": (226, 121, 128),
@@ -66,12 +71,12 @@ class Stage:
         if isinstance(scene, Duct):
             bounds = np.asarray(scene.mesh.bounds)
             # The half that faces the viewer is left out: it would hide the translucent sheath behind its depth.
-            self._add_wall(scene, "/place/wall", side="back", opacity=0.75)
+            self._add_wall(scene, "/place/wall", side="back", opacity=0.65)
             view, up = np.array((-1.0, 0.4, -0.45)), (0.0, 1.0, 0.0)
         else:
             bounds = self._add_pegs(scene, way)
             view, up = np.array((-0.55, 1.0, -0.35)), (0.0, 1.0, 0.0)
-        self._add_target(target, way)
+        self._add_target(scene, target, way)
         self._add_robot(frame)
         self._aim(bounds, view, up)
         self.show(frame)
@@ -135,13 +140,18 @@ class Stage:
         corners = np.concatenate([way, feet - reach, feet + reach])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
-    def _add_target(self, target: tuple[float, float, float], way: Array) -> None:
-        place = np.array(target) * SCALE
-        self._scene.add_icosphere(
-            "/place/target", radius=1.6 * MM * SCALE, color=COLOURS["target"], position=place, cast_shadow=False
-        )
+    def _add_target(self, scene: Duct | PegField, target: tuple[float, float, float], way: Array) -> None:
+        """Add a ball; in a duct with a pin, since a wall in front of it would tint the ball beyond recognition."""
+        foot = np.array(target)
+        head = find_pin_head(scene, foot) if isinstance(scene, Duct) else foot
+        how: dict[str, Any] = {"color": COLOURS["target"], "cast_shadow": False, "receive_shadow": False}
+        self._scene.add_icosphere("/place/target", radius=TARGET_RADIUS * SCALE, position=foot * SCALE, **how)
+        if head[1] > foot[1]:
+            pin = _single(np.stack([foot, head])[None])
+            self._scene.add_line_segments("/place/pin", pin, colors=COLOURS["target"], thickness=0.05)
+            self._scene.add_icosphere("/place/pin_head", radius=TARGET_RADIUS * SCALE, position=head * SCALE, **how)
         self._scene.add_label(
-            "/place/target_label", "target", position=place + np.array((0.0, 0.25, 0.0)), anchor="bottom-center"
+            "/place/target_label", "target", position=head * SCALE + np.array((0.0, 0.25, 0.0)), anchor="bottom-center"
         )
         self._scene.add_label("/place/port_label", "port", position=(0.0, -0.35, 0.0), anchor="top-center")
         line = np.stack([way[:-1], way[1:]], axis=1)
@@ -176,6 +186,16 @@ class Stage:
         for client in self._server.get_clients().values():
             client.camera.position, client.camera.look_at = eye, centre
             client.camera.fov = np.radians(45.0)
+
+
+def find_pin_head(duct: Duct, target: Array) -> Array:
+    """Return the lowest place straight above the target that is clear of the duct's wall [m], shape (3,)."""
+    line = duct.centreline
+    heads = target + np.outer(np.arange(1.0, 60.0) * MM, (0.0, 1.0, 0.0))
+    room = np.linalg.norm(heads[:, None] - np.asarray(line.position)[None], axis=2) - np.asarray(line.radius)
+    clear = room.min(axis=1) >= PIN_CLEARANCE
+    head: Array = heads[int(np.argmax(clear))] if clear.any() else heads[-1]
+    return head
 
 
 def _single(points: Array) -> NDArray[np.float32]:

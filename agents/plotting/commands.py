@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
+from abc import ABC, abstractmethod
 from pathlib import Path
 
 import tyro
 
 from evergym.agents.plotting.target import check_target
-from evergym.errors import ConfigError
+from evergym.errors import ConfigError, EvergymError
 
 __all__ = ["PlotCompare", "PlotForce", "PlotGrowth", "PlotLearning", "PlotWorkspace"]
 
 
+class _Plot(ABC):
+    """A command that draws one figure."""
+
+    @abstractmethod
+    def draw(self) -> Path:
+        """Draw the figure; returns the file."""
+
+    def run(self) -> int:
+        """Draw and name the file; returns 0, or 2 if it cannot be drawn as asked."""
+        try:
+            print(f"Figure: {self.draw()}")
+        except EvergymError as error:
+            print(f"evergym plot: {error}", file=sys.stderr)
+            return 2
+        return 0
+
+
 @dataclasses.dataclass(frozen=True)
-class PlotWorkspace:
+class PlotWorkspace(_Plot):
     """Draw where the tip gets to in free space, over tendon pull and pressure."""
 
     out: Path = Path("workspace.png")
@@ -28,8 +47,8 @@ class PlotWorkspace:
     pulls: int = 21
     """Tendon pulls per curve, from none to the largest."""
 
-    def run(self) -> int:
-        """Simulate and draw; returns the exit code."""
+    def draw(self) -> Path:
+        """Simulate and draw; returns the file."""
         check_target(self.out)
         if self.pulls < 2:
             raise ConfigError(f"pulls is {self.pulls}; a curve needs at least 2.")
@@ -39,12 +58,11 @@ class PlotWorkspace:
 
         lengths, pressures = tuple(sorted(set(self.everted_lengths_mm))), check_pressures(self.pressures_kpa)
         curves = measure_workspace(self.model, lengths, pressures, self.pulls)
-        print(f"Figure: {draw_workspace(curves, self.out)}")
-        return 0
+        return draw_workspace(curves, self.out)
 
 
 @dataclasses.dataclass(frozen=True)
-class PlotGrowth:
+class PlotGrowth(_Plot):
     """Draw everted length and growth rate over time in free space, at several pressures."""
 
     out: Path = Path("growth.png")
@@ -58,8 +76,8 @@ class PlotGrowth:
     duration_s: float = 30.0
     """Time from the start of the feed."""
 
-    def run(self) -> int:
-        """Simulate and draw; returns the exit code."""
+    def draw(self) -> Path:
+        """Simulate and draw; returns the file."""
         check_target(self.out)
         if not 0.0 < self.duration_s <= 600.0:
             raise ConfigError(f"duration_s is {self.duration_s} s; it must be above 0 and at most 600 s.")
@@ -69,12 +87,11 @@ class PlotGrowth:
 
         pressures = check_pressures(self.pressures_kpa)
         curves = measure_growth(self.model, pressures, self.insertion_mm_s, self.duration_s)
-        print(f"Figure: {draw_growth(curves, self.out)}")
-        return 0
+        return draw_growth(curves, self.out)
 
 
 @dataclasses.dataclass(frozen=True)
-class PlotForce:
+class PlotForce(_Plot):
     """Run one episode and draw the contact force along the robot over time."""
 
     arm: tyro.conf.Positional[str] = "duty_cycle"
@@ -92,18 +109,17 @@ class PlotForce:
     seed: int | None = None
     """Seed of target and noise (None: the one that `evergym evaluate` uses for this anatomy)."""
 
-    def run(self) -> int:
-        """Run the episode and draw; returns the exit code."""
+    def draw(self) -> Path:
+        """Run the episode and draw; returns the file."""
         check_target(self.out)
         from evergym.agents.plotting.force import draw_force, measure_force
 
         episode = measure_force(self.arm, self.env, self.env_options, self.split, self.index, self.seed)
-        print(f"Figure: {draw_force(episode, self.out)}")
-        return 0
+        return draw_force(episode, self.out)
 
 
 @dataclasses.dataclass(frozen=True)
-class PlotLearning:
+class PlotLearning(_Plot):
     """Draw the learning curves of runs; runs that differ only in their seed are drawn as one curve with its range."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -111,19 +127,18 @@ class PlotLearning:
     out: Path = Path("learning.png")
     """The figure: .png, .pdf or .svg."""
 
-    def run(self) -> int:
-        """Read and draw; returns the exit code."""
+    def draw(self) -> Path:
+        """Read and draw; returns the file."""
         check_target(self.out)
         if not self.runs:
             raise ConfigError("There is nothing to draw: give run folders, such as runs/mine.")
         from evergym.agents.plotting.learning import draw_learning, read_learning
 
-        print(f"Figure: {draw_learning(read_learning(self.runs), self.out)}")
-        return 0
+        return draw_learning(read_learning(self.runs), self.out)
 
 
 @dataclasses.dataclass(frozen=True)
-class PlotCompare:
+class PlotCompare(_Plot):
     """Draw an evaluation: targets reached, time to target and wall force of every arm on every split."""
 
     folder: tyro.conf.Positional[Path]
@@ -131,13 +146,12 @@ class PlotCompare:
     out: Path = Path("compare.png")
     """The figure: .png, .pdf or .svg."""
 
-    def run(self) -> int:
-        """Read and draw; returns the exit code."""
+    def draw(self) -> Path:
+        """Read and draw; returns the file."""
         check_target(self.out)
         from evergym.agents.plotting.comparison import draw_comparison
 
-        print(f"Figure: {draw_comparison(self.folder, self.out)}")
-        return 0
+        return draw_comparison(self.folder, self.out)
 
 
 def check_pressures(pressures_kpa: tuple[float, ...]) -> tuple[float, ...]:

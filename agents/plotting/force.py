@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from evergym.agents.arms import make_policy
@@ -126,7 +127,9 @@ def _draw_places(figure: Figure, axes: Axes, episode: ForceEpisode) -> None:
     edges = episode.section_length * (np.arange(count + 1) - 0.5) / MM
     mesh = axes.pcolormesh(episode.time, edges, shown, cmap="inferno_r", norm=norm, rasterized=True)
     bar = figure.colorbar(mesh, ax=axes, pad=0.01, aspect=14)
-    bar.set_label("force on a section [N]")
+    bar.set_label("force on a section [N]\n(square root scale)")
+    bar.locator = MaxNLocator(4)
+    bar.update_ticks()
     bar.outline.set_linewidth(0.4)
     axes.plot(episode.time, episode.everted_length / MM, color=COLOURS[0], label="everted length")
     axes.plot(

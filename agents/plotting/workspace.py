@@ -71,13 +71,20 @@ def draw_workspace(curves: Sequence[WorkspaceCurve], path: Path) -> Path:
         places, angles = axes
         shades = make_shades()
         for curve in curves:
-            colour = shades(pressures.index(curve.pressure) / max(len(pressures) - 1, 1))
+            share = pressures.index(curve.pressure) / max(len(pressures) - 1, 1)
+            colour = shades(share)
             turn = len(curve.pull) // 2
             tip, pull, angle = curve.tip / MM, curve.pull / MM, curve.angle / DEG
-            places.plot(*tip[: turn + 1].T, color=colour)
-            places.plot(*tip[: turn + 1 : max(1, turn // 5)].T, "o", color=colour, markersize=2.5, markeredgewidth=0.0)
+            places.plot(*tip[: turn + 1].T, color=colour, linewidth=0.6)
+            # Pressure hardly moves the line along which the tip goes, only how far it gets: rings of another size for
+            # each pressure are seen where the curves lie on each other.
+            label = f"{curve.pressure / KPA:g} kPa" if curve.everted_length == longest else None
+            places.plot(
+                *tip[: turn + 1 : max(1, turn // 5)].T, "o", color=colour, label=label,
+                markersize=2.0 + 7.0 * share, markerfacecolor="none", markeredgewidth=0.8,
+            )  # fmt: skip
             if curve.everted_length == longest:
-                angles.plot(pull[: turn + 1], angle[: turn + 1], color=colour, label=f"{curve.pressure / KPA:g} kPa")
+                angles.plot(pull[: turn + 1], angle[: turn + 1], color=colour)
                 angles.plot(pull[turn:], angle[turn:], color=colour, linestyle=_BACK, linewidth=0.8)
         for length in sorted({curve.everted_length for curve in curves}):
             ends = np.array([curve.tip[0] / MM for curve in curves if curve.everted_length == length])
@@ -96,6 +103,7 @@ def draw_workspace(curves: Sequence[WorkspaceCurve], path: Path) -> Path:
         places.set(xlabel="along the insertion [mm]", ylabel="towards the tendon [mm]", title="Places of the tip")
         places.margins(x=0.08, y=0.12)
         places.set_aspect("equal", adjustable="datalim")
+        places.legend(loc="upper left", title="pressure", title_fontsize=7)
         places.grid(visible=True)
         angles.set(xlabel="tendon pull [mm]", ylabel="tip angle [°]", title=f"Steering at {longest / MM:g} mm")
         angles.grid(visible=True)

@@ -164,6 +164,7 @@ def test_a_robot_under_ones_hands(served: tuple[subprocess.Popen[str], str], bro
     tab.page.evaluate("document.activeElement.blur()")
     for _ in range(5):
         tab.page.keyboard.press("o")
+        time.sleep(0.2)  # taps; quicker ones are a key that is held
     tab.wait("pull", lambda _: tab.numbers("pull")[0] > 0.1, "the tendon is pulled by keys")
     tab.page.keyboard.press("x")
     tab.wait("tip", lambda _: tab.is_still(), "X stops the robot")

@@ -242,6 +242,7 @@ def test_rollout_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[
     shown = capsys.readouterr().out
     assert "toward reached the target on held_out 0" in shown
     assert "wall force" in shown
+    assert "[mm]" in shown  # rich takes what is in brackets for a style, unless it is told otherwise
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "a.gif").read_bytes().startswith(b"GIF8")
     assert main(words) == 1

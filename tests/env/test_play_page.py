@@ -1,4 +1,4 @@
-"""The player behind the page's buttons, the reel, the page without a browser, and what the commands say."""
+"""The player behind the page's buttons, the page without a browser, and what the commands say."""
 
 from __future__ import annotations
 
@@ -13,31 +13,22 @@ import numpy as np
 import pytest
 
 from evergym.agents.cli import main
-from evergym.agents.play.episode_file import read_episode, write_episode
+from evergym.agents.play.episode_file import check_folder, read_episode
 from evergym.agents.play.hand import DriveName
 from evergym.agents.play.loop import Pace, run_paced
 from evergym.agents.play.player import Mode, Player
-from evergym.agents.play.readout import write_banner, write_readings
-from evergym.agents.play.reel import Reel
+from evergym.agents.play.readout import write_banner, write_number, write_readings
 from evergym.agents.play.session import Session
-from evergym.agents.play.tubes import sample_axis, sweep_rolled_tip, sweep_round_tip, tube_faces
+from evergym.agents.play.stage import PIN_CLEARANCE, find_pin_head
+from evergym.compilation import COMPILING, announce_compilation
+from evergym.duct_models.duct import generate_duct
+from evergym.errors import EvergymError, RunError
 from evergym.units import MM
 
 
 @pytest.fixture
 def player(tmp_path: Path) -> Player:
     return Player(Session("MammobotPegs-v0"), tmp_path, options={"family": "paper", "index": 0})
-
-
-@pytest.fixture(scope="module")
-def episode_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two seconds among pegs."""
-    session = Session("MammobotPegs-v0")
-    session.reset(0, {"family": "paper", "index": 0})
-    session.hand_over("duty cycle")
-    for _ in range(48):
-        session.step()
-    return write_episode(session.episode(), tmp_path_factory.mktemp("play") / "pegs.episode.npz")
 
 
 # -- the player
@@ -140,31 +131,46 @@ def test_the_words_follow_the_state(player: Player) -> None:
     assert "Target reached" in write_banner(Mode.ENDED, "hand", "reached", player.frame)
     assert "burst" in write_banner(Mode.ENDED, "hand", "burst", player.frame)
     assert f"{player.frame.values['tip_z_mm']:.1f} mm" in write_readings(player.frame)
+    assert [write_number(value, 1) for value in (-0.04, 0.0, -0.05001, 2.0)] == ["0.0", "0.0", "-0.1", "2.0"]
 
 
-# -- the reel
+def test_the_banner_says_that_the_catheter_is_held(player: Player) -> None:
+    """Without pressure nothing grows: the catheter goes 10 mm ahead of the sheath, and no further."""
+    player.set_drive(DriveName.INSERTION, 2.9 * MM)
+    said = [True]
+    while len(said) < 120:
+        player.tick()
+        said.append("Catheter held: 10 mm ahead" in write_banner(player.mode, "hand", "", player.frame))
+    values = player.frame.values
+    assert values["catheter_length_mm"] - values["everted_length_mm"] == pytest.approx(10.0, abs=0.1)
+    assert not said[1]
+    assert said[-1]
+    player.stop()
+    player.tick()
+    assert "You drive" in write_banner(player.mode, "hand", "", player.frame)
+    assert "Catheter held" not in write_banner(player.mode, "hand", "", player.frame)
 
 
-def test_a_reel_plays_stops_and_searches(episode_path: Path) -> None:
-    reel = Reel(read_episode(episode_path))
-    assert reel.duration == pytest.approx(2.0)
-    reel.tick(0.5)
-    assert reel.frame.values["time_s"] == pytest.approx(0.5)
-    reel.seek(1.25)
-    reel.tick(0.5)
-    assert reel.frame.values["time_s"] == pytest.approx(1.25)  # a hand on the slider stops it
-    reel.step(-6)
-    assert reel.frame.values["time_s"] == pytest.approx(1.0)
-    reel.speed = 4.0
-    reel.play()
-    reel.tick(10.0)
-    assert reel.at_end
-    assert not reel.playing
-    reel.play()
-    assert reel.number == 0
-    assert reel.playing
-    reel.seek(-5.0)
-    assert reel.number == 0
+def test_compiling_is_announced_and_finding_is_not() -> None:
+    from numba.core import event
+
+    told: list[str] = []
+    heard = threading.Event()
+
+    def tell(text: str) -> None:
+        told.append(text)
+        heard.set()
+
+    with announce_compilation(tell, patience=0.01):
+        pass
+    with announce_compilation(tell, patience=30.0), event.trigger_event("numba:compile"):
+        pass
+    assert told == []
+    with announce_compilation(tell, patience=0.01), event.trigger_event("numba:compile"):
+        assert heard.wait(10.0)
+        with event.trigger_event("numba:compile"):
+            time.sleep(0.05)
+    assert told == [COMPILING]
 
 
 # -- the clock
@@ -183,24 +189,6 @@ def test_the_clock_keeps_pace_and_stops() -> None:
     run_paced(step, 0.01, stop, pace)
     assert count == 10
     assert time.monotonic() - begin >= 0.085  # nine waits; a slow machine takes longer, none is shorter
-
-
-# -- tubes
-
-
-def test_tubes_lie_around_the_robot(episode_path: Path) -> None:
-    pose = read_episode(episode_path).frames[-1].pose
-    shape, radius, length = pose.shape, 1.5 * MM, 9.0 * MM
-    vertices = sweep_rolled_tip(shape, length, radius, 0.5 * MM)
-    assert tube_faces().max() == len(vertices) - 1
-    line = sample_axis(shape, np.linspace(0.0, length, 2000)).position
-    distance = np.min(np.linalg.norm(vertices[:, None] - line[None], axis=2), axis=1)
-    assert distance.max() < 1.001 * radius
-    assert np.median(distance) == pytest.approx(radius, rel=1e-3)
-    rod = sweep_round_tip(shape, float(shape.station[-1]), 0.5 * MM)
-    assert np.linalg.norm(rod[-1] - shape.position[-1]) < 0.01 * MM  # its round end is at the tip
-    at_nodes = sample_axis(shape, shape.station).position
-    np.testing.assert_allclose(at_nodes, shape.position, atol=1e-9)
 
 
 # -- the page without a browser
@@ -225,6 +213,11 @@ def test_the_page_follows_the_player(player: Player) -> None:
         player.reset(0, {"family": "train", "index": 1})
         page.draw()
         assert page._family.value == "train"
+        page._index.value = -1
+        page._family.value = "paper"
+        with pytest.raises(EvergymError, match="Number is -1; it"):
+            page._go()
+        assert (page._family.value, page._index.value) == ("train", 1)  # where the robot still is
         page.close()
     finally:
         stop_server(server)
@@ -248,6 +241,11 @@ def test_the_page_follows_the_player(player: Player) -> None:
         (["play", "--host", "999.1.2.3"], "999.1.2.3"),
         (["play", "--speed", "3"], "1, 2, 4, 8"),
         (["play", "--env-options", "no_such=1"], "no_such"),
+        (["play", "--env-options", "no_such"], "control_step_s=0.5"),
+        (["play", "--env", "Nope-v0"], "MammobotPegs-v0"),
+        (["play", "--folder", "/proc/no/such"], "No episodes can be saved in --folder '/proc/no/such'"),
+        (["replay", "x.npz", "--video", "x.avi"], "does not end in .mp4"),
+        (["replay", "x.npz", "--png", "x.gif"], "does not end in .png"),
         (["replay", "no_such.episode.npz"], "no_such.episode.npz"),
         (["replay", "."], "neither episodes"),
         (["replay", "x.npz", "--size", "100", "33"], "even"),
@@ -295,18 +293,26 @@ def test_a_busy_port_is_named(command: list[str], capsys: pytest.CaptureFixture[
     assert len(errors.splitlines()) == 1
 
 
-def test_a_film_and_pictures_without_a_display(episode_path: Path, tmp_path: Path) -> None:
-    import imageio_ffmpeg
-    from PIL import Image
+def test_a_folder_is_only_tried(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "there").mkdir()
+    check_folder(tmp_path / "new" / "folder")
+    check_folder(tmp_path / "there")
+    with pytest.raises(RunError, match="is a file"):
+        check_folder(tmp_path / "file")
+    with pytest.raises(RunError, match="No episodes can be saved"):
+        check_folder(tmp_path / "file" / "folder")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "there"]
+    assert list((tmp_path / "there").iterdir()) == []
 
-    sheet, film = tmp_path / "sheet.png", tmp_path / "film.mp4"
-    size = ["--size", "160", "120"]
-    assert main(["replay", str(episode_path), "--png", str(sheet), "--video", str(film), "--speed", "8", *size]) == 0
-    picture = np.asarray(Image.open(sheet))
-    assert picture.shape == (240, 640, 3)
-    assert np.any(picture[:120, :160] != picture[120:, 480:])  # something has moved
-    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
-    assert frames >= 2.0 / 8 * 24 + 24  # two seconds eight times as fast, and the end is seen for a second
-    assert seconds == pytest.approx(frames / 24, rel=0.05)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "sheet.png"]
-    assert main(["replay", str(episode_path), "--png", str(sheet)]) == 2  # not overwritten
+
+def test_the_pin_of_the_target_leaves_the_duct() -> None:
+    duct = generate_duct("held_out", 0)
+    target = np.array(duct.targets[0].position)
+    head = find_pin_head(duct, target)
+    np.testing.assert_array_equal(head[[0, 2]], target[[0, 2]])
+    assert head[1] > target[1]
+    line = duct.centreline
+    assert np.min(np.linalg.norm(line.position - head, axis=1) - line.radius) >= PIN_CLEARANCE
+    below = np.min(np.linalg.norm(line.position - (head - (0.0, 1.0 * MM, 0.0)), axis=1) - line.radius)
+    assert below < PIN_CLEARANCE  # and no further than it has to

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from evergym.agents.play.episode import COLUMNS, DRIVERS, Episode
 from evergym.agents.play.episode_file import find_episodes, read_episode, write_episode
-from evergym.agents.play.hand import KEY_TIME, DriveName, Hand
+from evergym.agents.play.hand import HOLD_GAP, KEY_TIME, DriveName, Hand
 from evergym.agents.play.session import FRAME_RATE, Session
 from evergym.duct_models.duct import Duct
+from evergym.duct_models.pegs import PegField
 from evergym.envs.drive import DriveLimits
 from evergym.errors import ConfigError, GeometryError, RunError
 from evergym.units import KPA, MM
@@ -46,23 +48,71 @@ def pegs() -> Session:
     return session
 
 
+class Clock:
+    """Real time that passes when it is told to."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
 def test_a_key_ends_by_itself_and_a_slider_stays() -> None:
-    hand = Hand(LIMITS)
+    clock = Clock()
+    hand = Hand(LIMITS, clock)
     hand.set(DriveName.ROLL, 0.1)
     hand.press(DriveName.INSERTION, 1)
-    hand.pass_time(0.9 * KEY_TIME)
+    clock.now += 0.9 * KEY_TIME
+    hand.let_go()
     assert hand.value[DriveName.INSERTION] == pytest.approx(2.0 * MM)
     hand.press(DriveName.INSERTION, -1)  # a repeat, the other way: lasts as long again
-    hand.pass_time(0.9 * KEY_TIME)
+    clock.now += 0.9 * KEY_TIME
+    hand.let_go()
     assert hand.value[DriveName.INSERTION] == pytest.approx(-2.0 * MM)
-    hand.pass_time(0.2 * KEY_TIME)
+    clock.now += 0.2 * KEY_TIME
+    hand.let_go()
     assert hand.value[DriveName.INSERTION] == 0.0
     assert hand.value[DriveName.ROLL] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("repeats", [12, 40])
+def test_a_held_key_moves_at_a_rate(repeats: int) -> None:
+    """However often the keyboard repeats it, and whenever it is answered; a tap is a step."""
+    clock = Clock()
+    hand = Hand(LIMITS, clock)
+    start = clock.now
+    clock.now += 5.0  # all are answered late, in one go
+    hand.press(DriveName.PULL, 1, start)
+    assert hand.value[DriveName.PULL] == pytest.approx(0.1 * MM)
+    for number in range(1, repeats + 1):
+        hand.press(DriveName.PULL, 1, start + number / repeats)
+    assert hand.value[DriveName.PULL] == pytest.approx(0.1 * MM + 2.0 * MM)  # a second at 2 mm/s
+    hand.press(DriveName.PULL, -1, start + 1.0)
+    assert hand.value[DriveName.PULL] == pytest.approx(2.0 * MM)  # the other key: a step back
+    hand.press(DriveName.PULL, -1, start + 1.0 + HOLD_GAP)
+    assert hand.value[DriveName.PULL] == pytest.approx(1.9 * MM)
+
+
+def test_speed_does_not_shorten_a_key() -> None:
+    """Eight times as fast, a press still lasts its half second of real time."""
+    clock = Clock()
+    session = Session("MammobotPegs-v0")
+    session.hand = Hand(session.env.drive.limits, clock)
+    session.reset(1, {"family": "paper", "index": 0})
+    session.hand.press(DriveName.INSERTION, 1)
+    for _ in range(24):  # a second of the robot's time
+        session.step()
+    assert session.frames[-1].values["command_insertion_mm_s"] == pytest.approx(2.0)
+    clock.now += 1.1 * KEY_TIME
+    session.step()
+    assert session.frames[-1].values["command_insertion_mm_s"] == 0.0
+
+
 def test_drives_stay_in_their_range() -> None:
-    hand = Hand(LIMITS)
+    clock = Clock()
+    hand = Hand(LIMITS, clock)
     for _ in range(100):
+        clock.now += 0.2
         hand.press(DriveName.PULL, 1)
         hand.press(DriveName.PRESSURE, -1)
     assert hand.value[DriveName.PULL] == pytest.approx(4.9 * MM)
@@ -118,9 +168,15 @@ def test_a_hand_that_takes_back_finds_the_drives_where_they_are() -> None:
     assert session.frames[-1].values["command_insertion_mm_s"] == 0.0
 
 
-def test_the_same_seed_is_the_same_episode(pegs: Session) -> None:
+@pytest.mark.parametrize("stepped", [False, True], ids=["with the step that compiles", "without"])
+def test_the_same_seed_is_the_same_episode(pegs: Session, stepped: bool) -> None:
+    """Also with the step that is taken before the first episode, so that kernels are compiled."""
     again = Session("MammobotPegs-v0")
+    if stepped:
+        again._stepped.add(PegField)
     again.reset(1, {"family": "paper", "index": 0})
+    assert again.frames[0].values["time_s"] == 0.0
+    assert again._stepped == {PegField}
     again.hand.set(DriveName.INSERTION, 2.0 * MM)
     again.hand.set(DriveName.PRESSURE, 40.0 * KPA)
     for _ in range(12):
@@ -128,6 +184,24 @@ def test_the_same_seed_is_the_same_episode(pegs: Session) -> None:
     for one, other in zip(pegs.frames, again.frames, strict=True):
         assert one.values == other.values
         np.testing.assert_array_equal(one.pose.shape.position, other.pose.shape.position)
+
+
+def test_kernels_are_compiled_before_the_first_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One step where nobody waits with a hand on the keys; none at later resets."""
+    session = Session("MammobotPegs-v0")
+    count = 0
+    step = session._env.step
+
+    def count_step(action: Any) -> Any:
+        nonlocal count
+        count += 1
+        return step(action)
+
+    monkeypatch.setattr(session._env, "step", count_step)
+    session.reset(0, {"family": "paper", "index": 0})
+    assert count == 1
+    session.reset(0, {"family": "train", "index": 0})
+    assert count == 1
 
 
 def test_what_cannot_be_done_is_said(pegs: Session) -> None:
@@ -140,7 +214,7 @@ def test_what_cannot_be_done_is_said(pegs: Session) -> None:
     with pytest.raises(RunError, match="does not exist"):
         pegs.load_policy(Path("no/such/run"))
     frames = list(pegs.frames)
-    with pytest.raises(ConfigError, match="Unknown key 'no_such'"):
+    with pytest.raises(ConfigError, match=r"options\['family'\] is 'no_such'; it must be one of"):
         pegs.reset(0, {"family": "no_such"})
     assert pegs.frames == frames  # the episode is still there
     fresh = Session("MammobotPegs-v0")
@@ -192,8 +266,9 @@ def test_files_that_are_no_episodes_are_refused(pegs: Session, tmp_path: Path) -
     for name, content in (("text", b"time,tip\n0,1\n"), ("cut", path.read_bytes()[:3000]), ("empty", b"")):
         broken = tmp_path / f"{name}.npz"
         broken.write_bytes(content)
-        with pytest.raises(RunError, match="not an episode, or it is damaged"):
+        with pytest.raises(RunError, match="not an episode, or it is damaged") as raised:
             read_episode(broken)
+        assert "pickle" not in str(raised.value)  # advice of numpy's that nobody should follow
     np.savez(tmp_path / "other.npz", numbers=np.arange(3))
     with pytest.raises(RunError, match="not an episode"):
         read_episode(tmp_path / "other.npz")

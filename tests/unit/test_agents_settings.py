@@ -99,7 +99,7 @@ def test_options_are_read_as_toml_values() -> None:
 def test_suggestions() -> None:
     assert suggest("Duty_cicle", ["duty_cycle", "random"]) == ". Did you mean 'duty_cycle'?"
     assert suggest("xyz", ["duty_cycle", "random"]) == "; known: duty_cycle, random."
-    assert suggest("xyz", []) == "; there is none."
+    assert suggest("xyz", []) == "; no name is known there."
 
 
 def test_help_lists_commands_and_is_light(capsys: pytest.CaptureFixture[str]) -> None:

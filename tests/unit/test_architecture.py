@@ -27,7 +27,7 @@ LAYERS = {
 }
 # Heavy or telling libraries, and the only modules and packages that may import them.
 RESERVED = {
-    "numba": {"evergym.jit"},
+    "numba": {"evergym.jit", "evergym.compilation"},
     "gymnasium": {"evergym", "evergym.envs", "evergym.agents"},
     "torch": {"evergym.agents"},
     "stable_baselines3": {"evergym.agents"},

@@ -84,7 +84,7 @@ def test_force_over_an_episode(tmp_path: Path) -> None:
     np.testing.assert_allclose(episode.force.max(axis=1), episode.section_max, rtol=1e-9, atol=1e-12)
     assert len(episode.time) == episode.record.step_count + 1
     text = draw_force(episode, tmp_path / "force.svg").read_text()
-    for word in ("time [s]", "force on a section [N]", "everted length", "catheter"):
+    for word in ("time [s]", "force on a section [N]", "(square root scale)", "everted length", "catheter"):
         assert f">{word}<" in text
 
 
@@ -167,7 +167,8 @@ def test_mistakes_are_one_line(
     """Said before any work, without a traceback."""
     monkeypatch.chdir(tmp_path)
     Path("there.png").touch()
-    assert main(["plot", *words]) == 1
+    assert main(["plot", *words]) == 2
     error = capsys.readouterr().err
+    assert error.startswith("evergym plot: ")
     assert message in error
     assert len(error.strip().splitlines()) == 1
