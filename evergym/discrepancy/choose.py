@@ -27,6 +27,7 @@ FITTED_MAX = 5
 FURTHER_MAX = 3
 """The same, for a further effect."""
 EFFECTS_MAX = 3
+"""Effects in a model at most: beyond that, each explains what the others leave, and none is known."""
 GAIN_MIN = 1.0
 """Signatures that promise less (in half chi-squares) are not fitted."""
 

@@ -34,7 +34,7 @@ class Blind:
     workers: int = 0
     """Cases at once (0: one per core); each diagnosis gets an equal share of the cores."""
     baselines: bool = True
-    """Run simpler methods on the same data, too."""
+    """Run simpler methods on the same data, too; --no-baselines leaves them out."""
     pool: tuple[Path, ...] = ()
     """Run nothing: pool the results of these campaigns' folders."""
 
