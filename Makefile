@@ -9,6 +9,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 WORKERS ?= 2
 VENV := .venv
 RUN := $(VENV)/bin
+INSTALLED := $(VENV)/.evergym-installed
 STAMP := $(VENV)/.evergym-setup
 # Progress bars for people, silence for logs.
 PIP := $(RUN)/python -m pip install --disable-pip-version-check $(if $(MAKE_TERMOUT),,--quiet)
@@ -21,7 +22,7 @@ help:  ## list the targets
 
 setup: $(STAMP)  ## create .venv with pinned versions (once; again when pyproject.toml or constraints.txt change)
 
-$(STAMP): pyproject.toml constraints.txt
+$(INSTALLED): pyproject.toml constraints.txt
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "evergym needs Python 3.11 or later; $(PYTHON) is older. Name another: make setup PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@test -x $(RUN)/python || { echo "Creating $(VENV)"; "$(PYTHON)" -m venv $(VENV); }
@@ -29,15 +30,20 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PIP) "$(TORCH)"
 	@$(PIP) -c constraints.txt setuptools wheel
 	@$(PIP) -c constraints.txt --no-build-isolation -e '.[dev]'
+	@touch $@
+
+$(STAMP): $(INSTALLED)
 	@$(RUN)/python -m evergym.agents.precompile
 	@touch $@
 
-lint: $(STAMP)  ## ruff and mypy
+lint: $(INSTALLED)  ## ruff and mypy
 	@$(RUN)/ruff check .
 	@$(RUN)/ruff format --check .
 	@$(RUN)/mypy
 
-test: lint  ## lint, types and all tests; ends with pytest's closing line
+# Kernels compile on one core, so lint and types are checked on another.
+test: $(INSTALLED)  ## lint, types and all tests; ends with pytest's closing line
+	@$(MAKE) --no-print-directory -j2 lint setup
 	@$(RUN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 demo: $(STAMP)  ## train, evaluate against the duty cycle, write a report (QUICK=1: a few minutes)
