@@ -13,14 +13,18 @@ COMPILING = "Compiling the simulator for this place: up to a few minutes, once"
 """What people are told."""
 
 
+def _print_at_once(text: str) -> None:
+    print(text, flush=True)
+
+
 @contextlib.contextmanager
-def announce_compilation(tell: Callable[[str], Any], patience: float = 1.5) -> Iterator[None]:
+def announce_compilation(tell: Callable[[str], Any] = _print_at_once, patience: float = 1.5) -> Iterator[None]:
     """Tell people once if kernels are compiled within the context, and that takes longer than a moment.
 
     Kernels that are found on disk are not compiled, and nothing is said.
 
     Args:
-        tell: Is given the message, in another thread.
+        tell: Is given the message, in another thread; by default it is printed.
         patience: From the first compilation on [s].
     """
     from numba.core import event  # here, so that the commands' help stays light

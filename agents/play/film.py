@@ -54,9 +54,8 @@ class Camera:
         if frame is self._episode.frames[-1] and heading.end_reason:
             caption += f"   {END_TEXT.get(heading.end_reason, heading.end_reason)}"
         picture = self._outside.frame(frame.pose, caption)
-        if (
-            self._corner is None
-        ):  # the same in all pictures: the robot stays within the place, where there is ink anyway
+        if self._corner is None:
+            # The same in all pictures: the robot stays within the place, where there is ink anyway.
             self._corner = find_empty_corner(picture, self._side + 2 * _BORDER)
         small = Image.fromarray(self._endoscope.frame(frame.pose))
         inset = np.asarray(small.resize((self._side, self._side), Image.Resampling.BICUBIC))

@@ -65,13 +65,13 @@ class Play:
         from evergym.compilation import announce_compilation
 
         check_address(self.host, self.port)  # before anything that takes time
-        with announce_compilation(_say):
+        with announce_compilation():
             player = self._make_player()
         from evergym.agents.play.play_page import PlayPage
 
         server = start_server(self.host, self.port, "MAMMOBOT")
         try:
-            with announce_compilation(_say):
+            with announce_compilation():
                 page = PlayPage(server, player)
                 page.draw()
             address = describe_address(server, self.host)
@@ -118,10 +118,6 @@ def open_browser(address: str, wanted: bool) -> None:
     display = sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
     if wanted and display:
         webbrowser.open(address)
-
-
-def _say(text: str) -> None:
-    print(text, flush=True)
 
 
 def _drive(server: Any, player: Player, page: Any) -> None:

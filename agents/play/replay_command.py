@@ -62,7 +62,7 @@ class Replay:
 
         page = self.video is None and self.png is None
         self._check(page)
-        with announce_compilation(lambda text: print(text, flush=True)):
+        with announce_compilation():
             return self._show_checked(page)
 
     def _show_checked(self, page: bool) -> int:

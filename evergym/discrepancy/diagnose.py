@@ -167,6 +167,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
 
     tell("fits", 0.5)
     choice = Choice(base, base, (), ())
+    known = measurement
     if worst_cell(cells) >= thresholds.cell_min:
         choice = choose_effects(predictor, base, signatures, screenings, split, thresholds, draw_map)
         base, measurement = choice.base, predictor.measurement
@@ -187,7 +188,8 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     effects, parameters = describe_effects(base, choice, final, classes, thresholds)
     held_out = np.isin(measurement.experiment, split.held_out)
     predictions = calibration.nominal, base.fit.prediction, chosen.fit.prediction
-    gap = measure_gap(dataset, measurement, held_out, *predictions) if held_out.any() else None
+    # Not by what discretisation does to the effect that was chosen: that would discount what it leaves over.
+    gap = measure_gap(dataset, known, held_out, *predictions) if held_out.any() else None
 
     tell("next experiment", 0.92)
     rows = list_candidates(base, candidates, signatures, choice.rivals, excited)
