@@ -31,15 +31,19 @@ GROWTH_STEP = 0.01
 EVERTED_LENGTH_MIN = 2e-3
 """Wall that stays outside the base when everything is pulled in [m]."""
 
+SLACK_MIN = 1e-12
+"""Slack below which the tail counts as taut [m]."""
+
+HALVINGS = 40
+"""Halvings of the interval in which the growth of a step with droop is sought: a relative error of 1e-12."""
+
 
 @njit
 def _compute_resistance(
-    parameters: Parameters, state: State, length: float, feed_speed: float, turn_angle: float, moving: bool
-) -> tuple[float, float, float]:
-    """Return the pressure [Pa] that yield and tail friction take from growth at the everted ``length`` [m]."""
+    parameters: Parameters, state: State, length: float, pressure: float, feed_speed: float, turn_angle: float
+) -> tuple[float, float]:
+    """Return what tail friction takes from growth at ``length`` and ``pressure`` [Pa], and its factor in bends [1]."""
     effects = parameters.effects
-    pressure = state.scalar[Scalar.PRESSURE]
-    folding = compute_yield_pressure(effects.eversion_yield, moving)
     loss = compute_tail_loss(
         effects.tail_coulomb_friction, length, pressure, effects.eversion_yield.kinetic, feed_speed
     )
@@ -50,7 +54,7 @@ def _compute_resistance(
         parameters.robot.catheter_radius,
         parameters.robot.sheath_radius,
     )
-    return folding, loss, compute_capstan_factor(effects.tail_capstan_friction, turn_angle)
+    return loss, compute_capstan_factor(effects.tail_capstan_friction, turn_angle)
 
 
 @njit
@@ -117,6 +121,78 @@ def _pull_tail(parameters: Parameters, state: State, ws: Workspace, turn_angle: 
 
 
 @njit
+def _drive(
+    parameters: Parameters,
+    state: State,
+    pressure: float,
+    turn_angle: float,
+    tip_force: float,
+    feed: float,
+    moving: bool,
+) -> float:
+    """Return the driving pressure [Pa], negative where growth stops, of a tip that is ``moving`` or rests."""
+    area = math.pi * parameters.robot.sheath_radius**2
+    loss, factor = _compute_resistance(
+        parameters, state, state.scalar[Scalar.EVERTED_LENGTH], pressure, feed, turn_angle
+    )
+    folding = compute_yield_pressure(parameters.effects.eversion_yield, moving)
+    return float(pressure - (folding + loss) * factor - tip_force / area)
+
+
+@njit
+def _compute_speed(
+    parameters: Parameters,
+    state: State,
+    pressure: float,
+    turn_angle: float,
+    tip_force: float,
+    tip_stiffness: float,
+    feed: float,
+    dt: float,
+) -> float:
+    """Return the speed [m/s] at which the ``pressure`` [Pa] drives a moving tip that enough tail is fed to."""
+    driving = _drive(parameters, state, pressure, turn_angle, tip_force, feed, True)
+    if driving <= 0.0:
+        return 0.0
+    area = math.pi * parameters.robot.sheath_radius**2
+    length = state.scalar[Scalar.EVERTED_LENGTH]
+    viscous = parameters.effects.viscous_eversion
+    # What the step itself adds to contact and friction counts (semi-implicit), so that no step overshoots the balance.
+    probe = 1e-6
+    loss, factor = _compute_resistance(parameters, state, length, pressure, feed, turn_angle)
+    farther, factor = _compute_resistance(parameters, state, length + probe, pressure, feed, turn_angle)
+    hardening = max((farther - loss) * factor / probe, 0.0) + tip_stiffness / area
+    speed = compute_pressure_speed(viscous, driving)
+    if speed > 1e6:
+        return driving / (hardening * dt) if hardening > 0.0 else 1e6
+    return float(speed / (1.0 + viscous.exponent * speed / driving * hardening * dt))
+
+
+@njit
+def _limit_growth(parameters: Parameters, state: State, speed: float, feed: float, dt: float) -> float:
+    """Return the growth [m] in ``dt`` of a tip driven at ``speed`` [m/s]: no more than there is tail and wall for."""
+    scalar = state.scalar
+    robot = parameters.robot
+    slack = scalar[Scalar.FED_LENGTH] - 2.0 * scalar[Scalar.EVERTED_LENGTH]
+    material = 2.0 * robot.everted_length_max - scalar[Scalar.FED_LENGTH]
+    if slack > SLACK_MIN:
+        growth = min(speed * dt, 0.5 * (slack + max(min(feed * dt, material), 0.0)))
+    else:
+        effect = parameters.effects.feed_limit
+        taut_speed = 0.5 * (1.0 - effect.slip) * feed
+        growth = min(compute_taut_speed(effect, speed, taut_speed) * dt, 0.5 * max(material, 0.0))
+    return float(min(growth, robot.everted_length_max - scalar[Scalar.EVERTED_LENGTH]))
+
+
+@njit
+def _droop_to(parameters: Parameters, state: State, rate: float, dt: float) -> tuple[float, float]:
+    """Return droop and pressure [Pa] at the end of a step ``dt`` in which the tip grows at ``rate`` [m/s]."""
+    effects = parameters.effects
+    droop = compute_droop(effects.pressure_droop, state.scalar[Scalar.DROOP], rate, effects.pressure_lag.time, dt)
+    return droop, state.scalar[Scalar.SUPPLY_PRESSURE] - droop
+
+
+@njit
 def _grow(
     parameters: Parameters,
     state: State,
@@ -128,46 +204,39 @@ def _grow(
 ) -> float:
     """Grow for ``dt`` [s], with the tail fed at ``feed`` [m/s], and return the growth [m]."""
     scalar = state.scalar
-    effects = parameters.effects
     robot = parameters.robot
-    area = math.pi * robot.sheath_radius**2
-    length = scalar[Scalar.EVERTED_LENGTH]
-    taut_speed = 0.5 * (1.0 - effects.feed_limit.slip) * feed
-    moving = scalar[Scalar.MOVING] > 0.0
-    folding, loss, factor = _compute_resistance(parameters, state, length, feed, turn_angle, moving)
-    driving = scalar[Scalar.PRESSURE] - (folding + loss) * factor - tip_force / area
-    if driving > 0.0 and not moving:
-        moving = True
-        folding, loss, factor = _compute_resistance(parameters, state, length, feed, turn_angle, True)
-        driving = scalar[Scalar.PRESSURE] - (folding + loss) * factor - tip_force / area
-    scalar[Scalar.MOVING] = 1.0 if driving > 0.0 else 0.0
-    slack = scalar[Scalar.FED_LENGTH] - 2.0 * length
-    material = 2.0 * robot.everted_length_max - scalar[Scalar.FED_LENGTH]
-    free_feed = max(min(feed * dt, material), 0.0)
-    if driving <= 0.0:
-        scalar[Scalar.FED_LENGTH] += free_feed
-        scalar[Scalar.TAIL_TENSION] = 0.0
-        return 0.0
-    # What the step itself adds to contact and friction counts (semi-implicit), so that no step overshoots the balance.
-    probe = 1e-6
-    folding, farther, factor = _compute_resistance(parameters, state, length + probe, feed, turn_angle, True)
-    hardening = max((farther - loss) * factor / probe, 0.0) + tip_stiffness / area
-    speed = compute_pressure_speed(effects.viscous_eversion, driving)
-    if speed > 1e6:
-        speed = driving / (hardening * dt) if hardening > 0.0 else 1e6
-    else:
-        speed /= 1.0 + effects.viscous_eversion.exponent * speed / driving * hardening * dt
-    if slack > 1e-12:
-        growth = min(speed * dt, 0.5 * (slack + free_feed))
-        scalar[Scalar.FED_LENGTH] += free_feed
-        scalar[Scalar.TAIL_TENSION] = 0.0
-    else:
-        growth = min(compute_taut_speed(effects.feed_limit, speed, taut_speed) * dt, 0.5 * max(material, 0.0))
+    drooping = parameters.effects.pressure_droop.resistance > 0.0
+    pressure = _droop_to(parameters, state, 0.0, dt)[1] if drooping else scalar[Scalar.PRESSURE]
+    moving = scalar[Scalar.MOVING] > 0.0 or _drive(parameters, state, pressure, turn_angle, tip_force, feed, False) > 0
+    speed = growth = 0.0
+    if moving:
+        speed = _compute_speed(parameters, state, pressure, turn_angle, tip_force, tip_stiffness, feed, dt)
+        growth = _limit_growth(parameters, state, speed, feed, dt)
+    scalar[Scalar.MOVING] = 1.0 if speed > 0.0 else 0.0
+    if drooping and growth > 0.0:
+        # The faster it grows the less pressure drives it: the rate at which both hold, by halving.
+        low, high = 0.0, growth
+        for _ in range(HALVINGS):
+            growth = 0.5 * (low + high)
+            pressure = _droop_to(parameters, state, growth / dt, dt)[1]
+            speed = _compute_speed(parameters, state, pressure, turn_angle, tip_force, tip_stiffness, feed, dt)
+            if _limit_growth(parameters, state, speed, feed, dt) > growth:
+                low = growth
+            else:
+                high = growth
+    slack = scalar[Scalar.FED_LENGTH] - 2.0 * scalar[Scalar.EVERTED_LENGTH]
+    scalar[Scalar.TAIL_TENSION] = 0.0
+    if scalar[Scalar.MOVING] > 0.0 and slack <= SLACK_MIN:
         scalar[Scalar.FED_LENGTH] += 2.0 * growth
-        # The tail takes up what the pressure could drive beyond the pace of the feed.
-        scalar[Scalar.TAIL_TENSION] = 0.5 * driving * area * max(1.0 - growth / (speed * dt), 0.0)
-    growth = min(growth, robot.everted_length_max - length)
-    scalar[Scalar.EVERTED_LENGTH] = length + growth
+        if speed > 0.0:
+            # The tail takes up what the pressure could drive beyond the pace of the feed.
+            driving = _drive(parameters, state, pressure, turn_angle, tip_force, feed, True)
+            area = math.pi * robot.sheath_radius**2
+            scalar[Scalar.TAIL_TENSION] = 0.5 * driving * area * max(1.0 - growth / (speed * dt), 0.0)
+    else:
+        material = 2.0 * robot.everted_length_max - scalar[Scalar.FED_LENGTH]
+        scalar[Scalar.FED_LENGTH] += max(min(feed * dt, material), 0.0)
+    scalar[Scalar.EVERTED_LENGTH] += growth
     return float(growth)
 
 
@@ -213,20 +282,14 @@ def update_eversion(parameters: Parameters, state: State, command: Array, ws: Wo
     for _ in range(count):
         if scalar[Scalar.BURST] > 0.0:
             break
+        growth = 0.0
         if feed < 0.0:
             _pull_tail(parameters, state, ws, turn_angle, -feed * step)
         else:
             growth = _grow(parameters, state, turn_angle, tip_force, tip_stiffness, feed, step)
             tip_force += tip_stiffness * growth
-            if parameters.effects.pressure_droop.resistance > 0.0:
-                scalar[Scalar.DROOP] = compute_droop(
-                    parameters.effects.pressure_droop,
-                    scalar[Scalar.DROOP],
-                    growth / step,
-                    parameters.effects.pressure_lag.time,
-                    step,
-                )
-                scalar[Scalar.PRESSURE] = scalar[Scalar.SUPPLY_PRESSURE] - scalar[Scalar.DROOP]
+        if parameters.effects.pressure_droop.resistance > 0.0:
+            scalar[Scalar.DROOP], scalar[Scalar.PRESSURE] = _droop_to(parameters, state, growth / step, step)
     stretch = compute_wall_stretch(parameters.effects.wall_compliance.axial, scalar[Scalar.PRESSURE])
     scalar[Scalar.WALL_LENGTH] = scalar[Scalar.EVERTED_LENGTH] * stretch
     scalar[Scalar.GROWTH_RATE] = (scalar[Scalar.EVERTED_LENGTH] - everted) / dt
