@@ -10,10 +10,19 @@ from numpy.typing import NDArray
 from evergym.discrepancy.fit import Fit, compute_jacobian, fit_space
 from evergym.discrepancy.nominals import find_nominals
 from evergym.discrepancy.predict import Predictor
+from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.space import Space
 
-__all__ = ["Calibration", "ParameterEstimate", "Sensitivity", "calibrate", "find_sensitivity", "refine"]
+__all__ = [
+    "Calibration",
+    "ParameterEstimate",
+    "Sensitivity",
+    "approach_samples",
+    "calibrate",
+    "find_sensitivity",
+    "refine",
+]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,6 +37,7 @@ LEARNT_SHARE = 0.5
 """A parameter counts as identifiable if the runs shrink its uncertainty to this share of its tolerance."""
 BROYDEN_ITERATIONS = 6
 PRECISE_ITERATIONS = 4
+MAP_ITERATIONS = 3
 
 
 @dataclass(frozen=True)
@@ -152,3 +162,23 @@ def refine(predictor: Predictor, fit: Fit, use: Mask) -> Fit:
     """Continue a fit from a Jacobian that is computed anew where it stands."""
     jacobian = compute_jacobian(predictor, fit.space, fit.z, list(range(fit.space.size)))
     return fit_space(predictor, fit.space, fit.z, use, jacobian=jacobian, refresh=[], iterations=PRECISE_ITERATIONS)
+
+
+def approach_samples(predictor: Predictor, measurement: Measurement, fit: Fit) -> Array:
+    """Return the prediction [channel's unit] of the recalibrated model that comes nearest to all samples, (n,).
+
+    Correlated noise makes a fit care for changes more than for levels, which it may leave far off. A map shows how far
+    off each sample is, so it must not show more of that than the nominal parameters can mend.
+
+    Args:
+        predictor: Simulations.
+        measurement: The samples that ``fit`` was fitted to.
+        fit: The recalibrated model.
+    """
+    kept = predictor.measurement
+    predictor.measurement = measurement.as_independent()
+    try:
+        jacobian = predictor.measurement.whiten(measurement.restore(fit.jacobian))
+        return fit_space(predictor, fit.space, fit.z, None, jacobian, [], MAP_ITERATIONS).prediction
+    finally:
+        predictor.measurement = kept

@@ -232,16 +232,19 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
     """Return whether a further effect predicts left-out experiments better by an amount that matters.
 
     It must also fit the experiments that it was fitted to that much better: one that only steadies the strength of the
-    first, by a free parameter more, is none. And what it gains must be in its signature, at the typical strength: one
-    that gains only far from it, with all nominal parameters moved, is a shape that happens to fit.
+    first, by a free parameter more, is none. (One that leaves nothing over in its fit need not halve the rest of those
+    left out: a law of another form has another strength in every experiment.) And what it gains must be in its
+    signature, at the typical strength: one that gains only far from it, with all nominal parameters moved, is a shape
+    that happens to fit.
     """
     gain = 0.5 * (before.validation.total - after.validation.total)
     noise = float(split.use.sum())
     fitted_before, fitted_after = (float(np.sum(one.fit.residual[split.use] ** 2)) - noise for one in (before, after))
     foreseen = after.signature.gain if after.signature is not None else 0.0
+    halved = after.excess <= thresholds.further_share_max * before.excess
     return (
         gain >= thresholds.further_gain_min
-        and after.excess <= thresholds.further_share_max * before.excess
+        and (halved or fitted_after <= thresholds.further_rest_max * noise)
         and before.excess - after.excess >= thresholds.further_excess_min
         and fitted_after <= thresholds.further_fit_max * fitted_before
         and foreseen >= thresholds.further_foreseen_min * 0.5 * (fitted_before - fitted_after)

@@ -4,7 +4,9 @@ The nominal parameters stay as fitted to all experiments, for every model alike:
 nominal parameters left out too, most of the error would be that of a stiffness which only one experiment shows; and a
 strength that moves with them and is then judged without them is off wherever recalibration nearly does what it does.)
 The refits are linear about the fit, from its Jacobian; the experiment left out is then simulated at the refitted
-strength, which costs one simulation of every run in all. Experiments are left out whole: rows of one experiment say
+strength, which costs one simulation of every run in all. Where growth stalls or a tendon goes slack, no derivative
+holds: a refit that seems to contradict its experiment is simulated on the others too, and shortened until it suits
+them as well as the strength that it left. Experiments are left out whole: rows of one experiment say
 nearly the same, and random rows would let any candidate win.
 """
 
@@ -27,6 +29,10 @@ Simulate = Callable[[Array, NDArray[np.int64]], Array]
 
 STEP_MIN = 1e-3
 """Refits that move less [z] need no simulation."""
+CONTRADICTED = 2.0
+"""A refit is tried on its own experiments if it leaves this many times as much of the one left out as the fit does."""
+SHARES = (0.5, 0.25)
+"""Shares of a refit that are tried, where the whole is worse for the experiments that it was made from; then none."""
 DOUBT_SHARE, DOUBT_OFFSET = 0.5, 0.1
 """A strength that the other experiments say nothing about stays as it is; one that they contradict moves: they are
 taken together with a prior about the fitted strength, this share of it (and this much of the typical one) wide."""
@@ -105,8 +111,38 @@ def cross_validate(
         residual[part] = fit.residual[part] - fit.jacobian[part] @ step
         if simulate is not None and np.any(np.abs(step) > STEP_MIN):
             residual[part] = simulate(fit.z + step, part)
-        chi2[k] = float(residual[part] @ residual[part])
+            fitted = _square(fit.residual[part])
+            if _square(residual[part]) > CONTRADICTED * (fitted + len(part)):
+                rest = np.concatenate([other for other in rows if other is not part])
+                residual[part] = _shorten(fit, simulate, step, part, rest, residual[part])
+        chi2[k] = _square(residual[part])
         if ceiling is not None and chi2[k] > ceiling[k]:
             residual[part] *= np.sqrt(ceiling[k] / chi2[k])
             chi2[k] = ceiling[k]
     return CrossValidation(residual, chi2, unknowns)
+
+
+def _shorten(
+    fit: Fit, simulate: Simulate, step: Array, part: NDArray[np.int64], rest: NDArray[np.int64], found: Array
+) -> Array:
+    """Return the residual of ``part`` at the longest share of a step that makes ``rest`` no worse.
+
+    Args:
+        fit: The fit that the step leaves.
+        simulate: See `cross_validate`.
+        step: In z, (m,).
+        part: Samples left out.
+        rest: Samples that the step was made from.
+        found: Residual of ``part`` at the whole step.
+    """
+    limit = _square(fit.residual[rest])
+    if _square(simulate(fit.z + step, rest)) <= limit:
+        return found
+    for share in SHARES:
+        if _square(simulate(fit.z + share * step, rest)) <= limit:
+            return simulate(fit.z + share * step, part)
+    return fit.residual[part]
+
+
+def _square(residual: Array) -> float:
+    return float(residual @ residual)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.alignment import align_dataset
-from evergym.discrepancy.calibrate import calibrate, find_sensitivity, refine
+from evergym.discrepancy.calibrate import approach_samples, calibrate, find_sensitivity, refine
 from evergym.discrepancy.candidates import find_candidates
 from evergym.discrepancy.choose import Choice, choose_effects
 from evergym.discrepancy.dataset import Dataset
@@ -25,7 +25,7 @@ from evergym.discrepancy.dataset_reading import load_dataset
 from evergym.discrepancy.diagnosis import Diagnosis, write_json
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.findings import describe_effects, list_candidates
-from evergym.discrepancy.fit import Fit, evaluate_fit, fit_space
+from evergym.discrepancy.fit import Fit, evaluate_fit, fit_space, whitened_residual
 from evergym.discrepancy.gap import measure_gap
 from evergym.discrepancy.hold_out import choose_held_out
 from evergym.discrepancy.hook import UserEffect, load_user_effects
@@ -147,8 +147,8 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     calibration = calibrate(predictor, sensitivity, split.use)
     base = score_fit(predictor, calibration.fit, split)
 
-    def draw_map(score: Score) -> list[Cell]:
-        return map_disagreement(dataset, predictor.measurement, score.fit, split.use)
+    def draw_map(score: Score, use: Mask = split.use) -> list[Cell]:
+        return map_disagreement(dataset, predictor.measurement, score.fit.prediction, score.fit.space.size, use)
 
     cells = draw_map(base)
     focus = select_significant(dataset, measurement, cells)
@@ -182,9 +182,9 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     everything = Split(np.ones(measurement.size, dtype=bool), tuple(range(len(measurement.experiments))), ())
     final = score_fit(predictor, refine(predictor, chosen.fit, everything.use), everything, chosen.effects)
     # The verdict was reached without the held-out runs; the map that is shown is of all.
-    overall = fit_space(predictor, space, base.fit.z, None, base.fit.jacobian, [], OVERALL_ITERATIONS)
-    where = map_disagreement(dataset, measurement, overall, everything.use)
-    where_after = map_disagreement(dataset, measurement, final.fit, everything.use) if chosen.effects else where
+    nearest = approach_samples(predictor, known, calibration.fit)
+    where = map_disagreement(dataset, known, nearest, space.size, everything.use)
+    where_after = draw_map(final, everything.use) if chosen.effects else where
     effects, parameters = describe_effects(base, choice, final, classes, thresholds)
     held_out = np.isin(measurement.experiment, split.held_out)
     predictions = calibration.nominal, base.fit.prediction, chosen.fit.prediction
@@ -249,10 +249,13 @@ def split_samples(predictor: Predictor, reference: Fit) -> Split:
     return Split(use, folds, held_out)
 
 
-def map_disagreement(dataset: Dataset, measurement: Measurement, fit: Fit, use: Mask) -> list[Cell]:
-    """Return where a fitted model and the measurements disagree, among the samples ``use`` that it was fitted to."""
-    freedom = min(fit.space.size / max(int(use.sum()), 1), 0.5)
-    return locate(dataset, measurement, fit.prediction, fit.residual, freedom, use)
+def map_disagreement(
+    dataset: Dataset, measurement: Measurement, prediction: Array, unknowns: int, use: Mask
+) -> list[Cell]:
+    """Return where measurements and the prediction of a model fitted to the samples ``use`` disagree among them."""
+    freedom = min(unknowns / max(int(use.sum()), 1), 0.5)
+    residual = whitened_residual(measurement, prediction)
+    return locate(dataset, measurement, prediction, residual, freedom, use)
 
 
 def plan_next(

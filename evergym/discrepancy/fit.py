@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from evergym.discrepancy.predict import Predictor
+from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.space import Space
 
-__all__ = ["Fit", "compute_jacobian", "evaluate_fit", "fit_space", "solve_step"]
+__all__ = ["Fit", "compute_jacobian", "evaluate_fit", "fit_space", "solve_step", "whitened_residual"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -51,9 +52,8 @@ class Fit:
         return float(self.residual @ self.residual)
 
 
-def whitened_residual(predictor: Predictor, prediction: Array) -> Array:
+def whitened_residual(measurement: Measurement, prediction: Array) -> Array:
     """Return measured minus predicted, whitened; where a simulation failed it counts as far off."""
-    measurement = predictor.measurement
     difference = measurement.value - prediction
     failed = ~np.isfinite(difference)
     if failed.any():
@@ -125,7 +125,7 @@ def solve_normal(
 def evaluate_fit(predictor: Predictor, space: Space, z: Array, jacobian: Array | None = None) -> Fit:
     """Return the fit at z without moving."""
     prediction = predictor.predict(space.setting(z))
-    residual = whitened_residual(predictor, prediction)
+    residual = whitened_residual(predictor.measurement, prediction)
     if jacobian is None:
         jacobian = compute_jacobian(predictor, space, z, list(range(space.size)))
     cost = 0.5 * float(residual @ residual + space.prior_precision @ z**2)
@@ -158,7 +158,7 @@ def fit_space(
     precision, limits = space.prior_precision, space.limits
     z = np.clip(start, *limits)
     prediction = predictor.predict(space.setting(z))
-    residual = whitened_residual(predictor, prediction)
+    residual = whitened_residual(predictor.measurement, prediction)
     if jacobian is None:
         jacobian = compute_jacobian(predictor, space, z, list(range(space.size)))
     elif columns:
@@ -174,7 +174,7 @@ def fit_space(
         for _ in range(4):
             moved = np.clip(z + share * step, *limits)
             new_prediction = predictor.predict(space.setting(moved))
-            new_residual = whitened_residual(predictor, new_prediction)
+            new_residual = whitened_residual(predictor.measurement, new_prediction)
             new_cost = _cost(new_residual, use, precision, moved)
             if new_cost < cost - 1e-3 * share * promised:
                 accepted = True

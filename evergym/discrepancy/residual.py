@@ -11,7 +11,7 @@ from scipy.linalg import solve_triangular
 
 from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.dataset import Dataset
-from evergym.discrepancy.noise import NoiseModel, whitening_matrix
+from evergym.discrepancy.noise import ChannelNoise, NoiseModel, whitening_matrix
 
 __all__ = ["Measurement"]
 
@@ -132,6 +132,12 @@ class Measurement:
     def add_doubt(self, doubt: Array) -> Measurement:
         """Return the same samples with a further error of each, one standard deviation [channel's unit], (n,)."""
         return Measurement(*self._made_of, doubt)
+
+    def as_independent(self) -> Measurement:
+        """Return the same samples as though all their noise were white."""
+        dataset, noise, numerics = self._made_of
+        white = {name: ChannelNoise(one.total, 0.0, 1.0, 0.0, one.repeats) for name, one in noise.channels.items()}
+        return Measurement(dataset, NoiseModel(white, noise.repeat_groups), None, numerics)
 
     def widen(self, numerics: Array) -> Measurement:
         """Return the same samples with what discretisation does where it is more than was known, signed, (n,)."""

@@ -100,7 +100,7 @@ def score_fit(
     def simulate(z: Array, samples: NDArray[np.int64]) -> Array:
         runs = sorted(set(predictor.measurement.run[samples].tolist()))
         prediction = predictor.predict_part(fit.space.setting(z), runs, fit.prediction)
-        return whitened_residual(predictor, prediction)[samples]
+        return whitened_residual(predictor.measurement, prediction)[samples]
 
     experiment = predictor.measurement.experiment
     ceiling = None

@@ -112,7 +112,7 @@ def test_a_simulation_that_fails_is_worse_than_any_that_does_not() -> None:
     predictor = Predictor(dataset, Measurement(dataset, estimate_noise(dataset)))
     turned = np.full(40, 180.0)  # as far as an angle can be off
     failed = np.full(40, np.nan)
-    off, lost = (float(np.sum(whitened_residual(predictor, one) ** 2)) for one in (turned, failed))
+    off, lost = (float(np.sum(whitened_residual(predictor.measurement, one) ** 2)) for one in (turned, failed))
     assert lost > off > 0.0
 
 
