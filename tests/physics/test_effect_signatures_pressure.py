@@ -48,6 +48,32 @@ def test_droop_takes_pressure_in_proportion_to_the_speed(create_grower: Create) 
     assert robot.advance(Command(pressure=15.0 * KPA, tail_feed_velocity=0.0), 1.0).pressure == 15.0 * KPA
 
 
+@pytest.mark.parametrize("viscous", [0.0, 0.4])
+@pytest.mark.parametrize("step_s", [0.0625, 0.008])
+def test_a_droop_that_outweighs_the_tips_resistance_is_steady_at_any_step(
+    create_grower: Create, viscous: float, step_s: float
+) -> None:
+    """Flow and pressure settle where both laws hold; taken one after the other, they would chase each other."""
+    pressure, droop = 30.0, 20.0
+    changes = {"viscous_eversion.resistance_kpa_s_mm": viscous, "pressure_droop.resistance_kpa_s_mm": droop}
+    robot = create_grower({**GROWING, **changes}, step_s=step_s)
+    robot.reset(everted_length=0.03, pressure=pressure * KPA)
+    command = Command(tail_feed_velocity=0.1, pressure=pressure * KPA)
+    robot.advance(command, 2.0)
+    for _ in range(10):
+        reading = robot.advance(command, step_s)
+        assert reading.growth_rate / MM == pytest.approx((pressure - YIELD) / (viscous + droop), rel=1e-6)
+        assert reading.pressure / KPA == pytest.approx(pressure - droop * reading.growth_rate / MM, rel=1e-6)
+
+
+def test_droop_ends_when_the_tail_is_pulled(create_grower: Create) -> None:
+    robot = create_grower({**GROWING, "pressure_droop.resistance_kpa_s_mm": 5.0})
+    robot.reset(everted_length=0.03, pressure=30.0 * KPA)
+    robot.advance(Command(tail_feed_velocity=0.1, pressure=30.0 * KPA), 2.0)
+    pulled = Command(tail_feed_velocity=-1e-3, pressure=30.0 * KPA)
+    assert robot.advance(pulled, 1.0).pressure == pytest.approx(30.0 * KPA, rel=1e-6)
+
+
 def test_droop_is_no_yield_and_no_resistance_of_the_tip(create_grower: Create) -> None:
     """A yield that takes as much at one pressure shifts the threshold and takes the same at the other; a resistance of
     the tip gives the very same speeds, and only the gauge tells.
