@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from evergym.discrepancy.blind.rates import compute_rate
+from evergym.discrepancy.blind.reliability import compute_reliability
 from evergym.discrepancy.blind.score import CaseScore, compute_gap_ratio, score_case
 from evergym.discrepancy.blind.summary import BARS, summarise_scores
 
@@ -197,3 +198,18 @@ def test_the_summary_has_every_key_of_the_contract() -> None:
     assert content["set_size_mean"] == 1.0
     assert content["two_both"]["rate"] is None
     assert content["kinds"]["single"] == {"cases": 2, "detectable": 2}
+
+
+def test_confidence_is_compared_with_how_often_the_name_is_right() -> None:
+    scores = [
+        score(truth("single", "tendon_backlash"), diagnosis("effect", effect("tendon_backlash", confidence=0.99))),
+        score(truth("two", "tendon_backlash", "feed_limit"), diagnosis("effect", effect("feed_limit", confidence=1.0))),
+        score(truth("outside", "port_play"), diagnosis("effect", effect("root_kink", confidence=0.96))),
+        score(truth("none"), diagnosis("effect", effect("root_kink", confidence=0.2))),
+        score(truth("none"), diagnosis("no_effect")),
+    ]
+    doubtful, _, _, sure = compute_reliability(scores)
+    assert (doubtful.right.count, doubtful.right.of, doubtful.mean) == (0, 1, 0.2)
+    assert (sure.right.count, sure.right.of) == (2, 3)
+    assert sure.mean == pytest.approx(0.983)
+    assert summarise_scores(scores).to_json()["confidence"][1]["mean_confidence"] is None

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import signal
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from evergym.discrepancy.blind.campaign import load_scores, run_campaign
 from evergym.discrepancy.blind.folders import write_json
+from evergym.discrepancy.blind.score import CaseScore
 from evergym.discrepancy.blind.summary import BASELINES, BlindSummary, print_baselines, print_summary, summarise_scores
 
 __all__ = ["Blind"]
@@ -49,14 +51,22 @@ class Blind:
             run_campaign(self.out, self.cases, self.seed, self.workers, self.baselines)
         folders, cases = (self.pool, None) if self.pool else ((self.out,), self.cases)
 
-        def summarise(baseline: str = "") -> BlindSummary:
-            return summarise_scores([score for folder in folders for score in load_scores(folder, cases, baseline)])
+        def load(baseline: str = "") -> list[list[CaseScore]]:
+            return [load_scores(folder, cases, baseline) for folder in folders]
 
-        summary = summarise()
-        simpler = {name: summarise(name) for name in BASELINES} if self.baselines else {}
+        summary = _pool(load())
+        simpler = {name: load(name) for name in BASELINES} if self.baselines else {}
+        compared = {name: _pool(scores) for name, scores in simpler.items()}
+        if simpler:
+            # Baselines may have been run on some of the cases only.
+            done = [{score.case for score in scores} for scores in next(iter(simpler.values()))]
+            same = [
+                [score for score in scores if score.case in kept] for scores, kept in zip(load(), done, strict=True)
+            ]
+            compared = {"diagnosis": _pool(same), **compared}
         content = {
             **summary.to_json(),
-            "baselines": {name: other.describe_briefly() for name, other in simpler.items()},
+            "baselines": {name: other.describe_briefly() for name, other in compared.items()},
         }
         if not self.pool:
             write_json(content, self.out / "summary.json")
@@ -64,8 +74,12 @@ class Blind:
             print(json.dumps(content, indent=1))
         else:
             print_summary(summary)
-            print_baselines(summary, {name: other for name, other in simpler.items() if other.cases})
+            print_baselines({name: other for name, other in compared.items() if other.cases})
         return 0
+
+
+def _pool(campaigns: Sequence[Sequence[CaseScore]]) -> BlindSummary:
+    return summarise_scores([score for scores in campaigns for score in scores])
 
 
 def _treat_termination_as_interrupt() -> None:

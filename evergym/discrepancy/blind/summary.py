@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from evergym.discrepancy.blind.rates import Rate, compute_rate
+from evergym.discrepancy.blind.reliability import Bin, compute_reliability
 from evergym.discrepancy.blind.score import CaseScore
 from evergym.discrepancy.blind.truth import Kind
 
@@ -78,6 +79,7 @@ class BlindSummary:
         gap_ratio_median: Over detectable single and double effects.
         gap_ratio_checked: The same, measured from the noise-free truth.
         seconds_per_case: Mean over cases without bad data.
+        reliability: How often names given with so much confidence are right.
         scores: All cases.
     """
 
@@ -88,6 +90,7 @@ class BlindSummary:
     gap_ratio_median: float | None
     gap_ratio_checked: float | None
     seconds_per_case: float | None
+    reliability: tuple[Bin, ...]
     scores: tuple[CaseScore, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -101,6 +104,7 @@ class BlindSummary:
             "gap_ratio_median": self.gap_ratio_median,
             "gap_ratio_checked": self.gap_ratio_checked,
             "seconds_per_case": self.seconds_per_case,
+            "confidence": [entry.to_json() for entry in self.reliability],
             "list": [
                 {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
                 for row in (score.to_json() for score in self.scores)
@@ -150,6 +154,7 @@ def summarise_scores(scores: Sequence[CaseScore]) -> BlindSummary:
         gap_ratio_median=round(float(np.median(gaps)), 4) if gaps else None,
         gap_ratio_checked=round(float(np.median(checked)), 4) if checked else None,
         seconds_per_case=round(float(np.mean(seconds)), 2) if seconds else None,
+        reliability=compute_reliability(scores),
         scores=tuple(scores),
     )
 
@@ -174,20 +179,25 @@ def print_summary(summary: BlindSummary, console: Console | None = None) -> None
             result = "no cases" if value is None else f"{value:g}"
         table.add_row(name, result, BARS.get(name, ""), meaning)
     console.print(table)
+    table = Table(title="Confidence of first names, and how many of them are right")
+    for column in ("from", "to", "mean", "right"):
+        table.add_column(column)
+    for entry in summary.reliability:
+        mean = "-" if entry.mean is None else f"{entry.mean:.2f}"
+        table.add_row(f"{entry.low:g}", f"{entry.high:g}", mean, entry.right.describe())
+    console.print(table)
 
 
-def print_baselines(
-    summary: BlindSummary, baselines: Mapping[str, BlindSummary], console: Console | None = None
-) -> None:
-    """Print the diagnosis and the baselines side by side."""
-    if not baselines:
+def print_baselines(methods: Mapping[str, BlindSummary], console: Console | None = None) -> None:
+    """Print the diagnosis and the baselines side by side, by method."""
+    if not methods:
         return
     console = Console() if console is None else console
     table = Table(title="Beside simpler methods on the same cases (a baseline's name counts as confident)")
-    table.add_column("method")
+    table.add_column("method", no_wrap=True)
     for name in (*COMPARED, "gap_ratio_median"):
-        table.add_column(name)
-    for method, other in {"diagnosis": summary, **baselines}.items():
+        table.add_column(name.replace("_", " "), overflow="fold")
+    for method, other in methods.items():
         rates = [other.rates[name].rate for name in COMPARED]
         gap = other.gap_ratio_median
         cells = ["-" if rate is None else f"{rate:.0%}" for rate in rates]
