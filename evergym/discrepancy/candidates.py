@@ -29,8 +29,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-MAGNITUDES = (1.0, 0.25)
-"""Strengths at which an effect is tried first, in units of its typical one: dead bands are silent at small ones."""
+MAGNITUDES = (4.0, 1.0, 0.25)
+"""Strengths at which an effect is tried first, in units of its typical one: dead bands are silent at small ones, and
+what the drive limits anyway feels a resistance only at large ones."""
 TURN_DEG = 45.0
 """Scale of a direction in a fit [deg]."""
 SCALE_HZ = 0.1

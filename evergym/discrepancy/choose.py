@@ -235,7 +235,7 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
     first, by a free parameter more, is none. (One that leaves nothing over in its fit need not halve the rest of those
     left out: a law of another form has another strength in every experiment.) And what it gains must be in its
     signature, at the typical strength: one that gains only far from it, with all nominal parameters moved, is a shape
-    that happens to fit.
+    that happens to fit. So is one whose strength is at the limit of its parameter.
     """
     gain = 0.5 * (before.validation.total - after.validation.total)
     noise = float(split.use.sum())
@@ -244,6 +244,7 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
     halved = after.excess <= thresholds.further_share_max * before.excess
     return (
         gain >= thresholds.further_gain_min
+        and not after.at_limit
         and (halved or fitted_after <= thresholds.further_rest_max * noise)
         and before.excess - after.excess >= thresholds.further_excess_min
         and fitted_after <= thresholds.further_fit_max * fitted_before

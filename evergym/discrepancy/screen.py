@@ -32,6 +32,8 @@ STRETCH = (0.2, 4.0)
 """A signature taken at one strength stands for strengths between these multiples of it."""
 SEARCH = ((0.4, 1.0, 2.5), (0.65, 1.5))
 """Multiples of the strength that are tried before a fit, round by round."""
+NEAR_SHARE = 0.6
+"""A strength that was stretched to less than this share of the one simulated is not near to it."""
 HOPELESS = 0.15
 """A strength whose gain stays below this share of the best candidate's is not searched any further."""
 FREQUENCIES = 4
@@ -48,7 +50,8 @@ class Signature:
 
     Attributes:
         candidate: The effect.
-        start: z from which its fit should begin, (m,).
+        start: z from which its fit should begin, (m,): those it was simulated at, stretched to what is off.
+        simulated: z that it was simulated at, (m,).
         projected: Whitened change that recalibration cannot absorb, at the typical strength or less, (n,).
         size: Norm of the whitened change [sigma], all samples together.
         kept: Share of the norm that recalibration cannot absorb.
@@ -58,6 +61,7 @@ class Signature:
 
     candidate: Candidate
     start: Array
+    simulated: Array
     projected: Array
     size: float
     kept: float
@@ -205,7 +209,8 @@ def _find_signature(projector: Projector, screening: Screening) -> Signature | N
             if axis.path in candidate.amplitudes:
                 begin[i] *= stretch
         if best is None or gain > best.gain:
-            best = Signature(candidate, np.clip(begin, *limits), projected, norm, kept, gain, fit)
+            begin, seen = np.clip(begin, *limits), np.array(start)
+            best = Signature(candidate, begin, seen, projected, norm, kept, gain, fit)
     return best
 
 
@@ -264,6 +269,9 @@ def _search(
         return Strength(signature.start, signature.gain)
     factors = ROUNDING_FINE if candidate.rounds else factors
     subsets = [amplitude]
+    between: list[Array] = []
+    if not np.isfinite(strength.gain) and not candidate.rounds:
+        between = _bridge(signature, amplitude)
     if np.isfinite(strength.gain) and amplitude.sum() > 1:  # what acts in two ways may do so in another proportion
         subsets += [np.arange(candidate.size) == place for place in np.flatnonzero(amplitude)]
     starts = [
@@ -272,9 +280,24 @@ def _search(
         for factor in factors
         if np.any(strength.z[subset] != 0.0)
     ]
+    starts += between
     columns = simulate_changes(predictor, base, space, candidate, starts)
     tried = [Strength(z, projector.exact_gain(column)) for z, column in zip(starts, columns, strict=True)]
     return max(strength, *tried, key=lambda one: one.gain)
+
+
+def _bridge(signature: Signature, amplitude: Mask) -> list[Array]:
+    """Return strengths from the one that was simulated halfway to the one that it was stretched to, none if near.
+
+    An effect with a dead band is weaker than its stretched signature, or silent: what is true lies between the two.
+    """
+    start, seen = signature.start[amplitude], signature.simulated[amplitude]
+    if np.any(start * seen < 0.0) or np.all(np.abs(start) > NEAR_SHARE * np.abs(seen)):
+        return []
+    halfway = np.where(
+        amplitude, np.sign(signature.start) * np.sqrt(np.abs(signature.start * signature.simulated)), signature.start
+    )
+    return [np.where(amplitude, signature.simulated, signature.start), halfway]
 
 
 def group_equivalent(signatures: Sequence[Signature], use: Mask) -> dict[str, list[str]]:

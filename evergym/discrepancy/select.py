@@ -25,6 +25,8 @@ FIRST_ITERATIONS, ITERATIONS = 2, 4
 RACE_FACTOR, REFINE_FACTOR = 8.0, 5.0
 """Candidates within these factors of the best one's excess are fitted to the end, and the first of them get a Jacobian
 of their own before they are scored."""
+LIMIT_SHARE = 1e-3
+"""A strength this near to a limit of its parameter [z] is at it."""
 REFINED_MAX = 3
 FITTED_MIN, WORTH = 2, 0.12
 """Candidates whose signature takes less than this share of the best one's off the residual are not fitted, but for two:
@@ -75,6 +77,17 @@ class Score:
     def name(self) -> str:
         """Names of the effects, joined."""
         return " + ".join(effect.name for effect in self.effects) or "recalibrated model"
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether a strength has gone as far as its parameter can: it stands in for something that goes farther."""
+        low, high = self.fit.space.limits
+        z = self.fit.z
+        amplitudes = {path for effect in self.effects for path in effect.amplitudes}
+        return any(
+            axis.path in amplitudes and (0.0 < high[i] <= z[i] + LIMIT_SHARE or 0.0 > low[i] >= z[i] - LIMIT_SHARE)
+            for i, axis in enumerate(self.fit.space.axes)
+        )
 
 
 def score_fit(

@@ -178,7 +178,7 @@ def decide(
         return Verdict.UNKNOWN_EFFECT
     gain = 0.5 * (base.validation.total - best.validation.total)
     share = explained_share(base, best)
-    if gain < thresholds.gain_min or share < thresholds.share_min:
+    if gain < thresholds.gain_min or share < thresholds.share_min or best.at_limit:
         return Verdict.UNKNOWN_EFFECT
     rest = worst_cell(cells_after)
     is_large = rest >= thresholds.strange_cell_min and rest > thresholds.strange_share * worst_cell(cells_before)

@@ -147,7 +147,7 @@ def test_an_effect_as_good_as_off_is_a_candidate_from_what_it_is_and_no_nominal_
     candidate = next(one for one in find_candidates(model, faint=faint) if one.name == "tendon_stretch")
     space = Space(Setting(model), candidate.axes, candidate.fixed)
     assert space.setting(np.zeros(candidate.size)).model == model
-    assert space.values(candidate.starts[0])[path] == pytest.approx(0.26)
+    assert space.values((1.0,))[path] == pytest.approx(0.26)
 
 
 def test_what_is_faint_follows_the_rig() -> None:
