@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
@@ -118,6 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(name: str, entry: CommandEntry, words: Sequence[str]) -> int:
     import tyro  # not needed for the list of commands
 
+    _treat_termination_as_interrupt()
     try:
         kind: type[Command] = getattr(importlib.import_module(entry.module), entry.name)
         config = (tyro.conf.EnumChoicesFromValues, tyro.conf.FlagCreatePairsOff)
@@ -132,6 +135,21 @@ def _run(name: str, entry: CommandEntry, words: Sequence[str]) -> int:
         return 130
     except BrokenPipeError:
         return 1  # the reader of a pipe such as `| head` has gone: nothing to say, and nobody to say it to
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"evergym: '{error.filename}': {error.strerror}.", file=sys.stderr)
+        return 1
+
+
+def _treat_termination_as_interrupt() -> None:
+    """Let a command that is told to terminate end its processes first, as after Ctrl-C."""
+
+    def interrupt(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt("It was told to terminate.")
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, interrupt)
 
 
 def _exists(module: str) -> bool:

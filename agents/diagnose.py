@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 
 import tyro
@@ -35,11 +36,10 @@ class Diagnose:
     def run(self) -> int:
         """Diagnose and write the results; returns the exit code."""
         from evergym.discrepancy.diagnose import diagnose
-        from evergym.discrepancy.words import describe_gap, describe_verdict, describe_where
+        from evergym.discrepancy.words import describe_effect, describe_gap, describe_verdict, describe_where
 
         out = self.dataset / "diagnosis" if self.out is None else self.out
-        if out.exists() and not out.is_dir():
-            raise ConfigError(f"'{out}' is a file; the results need a folder. Choose another --out.")
+        _check_folder(out)
         with ProgressReport("Diagnosis", UNITS, unit="parts") as progress:
             diagnosis = diagnose(
                 self.dataset,
@@ -61,7 +61,20 @@ class Diagnose:
         for sentence in sentences:
             print(sentence)
         for effect in diagnosis.effects:
+            if meaning := describe_effect(effect.name):
+                print(f"{effect.name}: {meaning}")
             for interval in diagnosis.parameters[effect.name]:
                 print(f"  {interval.path} = {interval.estimate:.4g} ({interval.low_90:.4g} to {interval.high_90:.4g})")
-        print(f"Results: {out}")
+        print(
+            f"Results: {out}" + ("" if diagnosis.effects else "; its model.toml is recalibrated, no effect was added")
+        )
         return 0
+
+
+def _check_folder(out: Path) -> None:
+    """Refuse a folder that cannot be written to before anything is computed; it is made at the end."""
+    nearest = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    if not nearest.is_dir():
+        raise ConfigError(f"'{nearest}' is a file; the results need a folder. Choose another --out.")
+    if not os.access(nearest, os.W_OK):
+        raise ConfigError(f"The folder '{nearest}' cannot be written to. Choose another --out.")

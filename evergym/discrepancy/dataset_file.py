@@ -154,8 +154,9 @@ def _check_runs(file: DatasetText) -> None:
             raise ConfigError(f"{file.find_run(number)}: the id is there twice. Give every run an id of its own.")
         seen[entry.id] = number
         if entry.setup not in SETUPS:
-            hint = suggest_nearest(entry.setup, SETUPS)
-            raise ConfigError(f"{file.find_run(number, 'setup')}: unknown setup '{entry.setup}'.{hint}")
+            known = ", ".join(map(repr, SETUPS))
+            where = file.find_run(number, "setup")
+            raise ConfigError(f"{where}: unknown setup '{entry.setup}'. Write one of: {known}.")
         _check_environment(file.path.parent, file.find_run(number, "environment"), entry.environment)
 
 

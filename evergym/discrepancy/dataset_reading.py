@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evergym.discrepancy.columns import ANGLES, CHANNELS, COMMANDS
 from evergym.discrepancy.dataset import Dataset, Run
 from evergym.discrepancy.dataset_check import find_impossible_rows
-from evergym.discrepancy.dataset_file import DatasetFile, DatasetText, read_dataset_file
+from evergym.discrepancy.dataset_file import DatasetFile, DatasetText, RunEntry, read_dataset_file
 from evergym.discrepancy.nearest import suggest_nearest
 from evergym.discrepancy.samples import SampleTable, find_sample_file, read_samples
 from evergym.errors import ConfigError
@@ -20,6 +20,12 @@ __all__ = ["load_dataset"]
 
 Array = NDArray[np.float64]
 
+LENGTH_FACTORS = (1000.0, 100.0, 10.0)
+"""An everted length that begins this many times too short is in m, in dm or in cm."""
+LENGTH_SHARE = 0.05
+"""... if it is so within this share."""
+LENGTH_MIN_MM = 5.0
+"""Runs that begin shorter than this are not asked."""
 SIGN_SIGMAS = 5.0
 """An angle below minus this many standard deviations of its noise is taken for one with a sign, not for noise."""
 
@@ -57,6 +63,7 @@ def load_dataset(path: str | Path, robot: RobotConfig | None = None) -> Dataset:
         ):
             measured[i] = np.nan
             set_aside.append((int(table.row[index[i]]), why))
+        _check_length_unit(entry, table, index, measured)
         time = table.time[index]
         for array in (time, commands, measured):
             array.flags.writeable = False
@@ -90,6 +97,22 @@ def load_dataset(path: str | Path, robot: RobotConfig | None = None) -> Dataset:
             f"{table.path}: no row has a measurement that is to be used. Fill one of: {', '.join(CHANNELS)}."
         )
     return dataset
+
+
+def _check_length_unit(entry: RunEntry, table: SampleTable, index: NDArray[np.int64], measured: Array) -> None:
+    """Refuse an everted length that begins as another power of ten of what the run is said to begin with."""
+    everted = measured[:, CHANNELS.index("everted_length_mm")]
+    known = np.flatnonzero(np.isfinite(everted))
+    if entry.setup == "catheter" or entry.initial_everted_length_mm < LENGTH_MIN_MM or not len(known) or known[0] > 2:
+        return
+    first = float(everted[known[0]])
+    for factor in LENGTH_FACTORS:
+        if abs(first * factor / entry.initial_everted_length_mm - 1.0) < LENGTH_SHARE:
+            raise ConfigError(
+                f"{table.path}, row {int(table.row[index[known[0]]])}, column 'everted_length_mm': run '{entry.id}' "
+                f"begins at {first:g} mm, but its initial_everted_length_mm is {entry.initial_everted_length_mm:g}, "
+                f"{factor:g} times that. Give lengths in mm."
+            )
 
 
 def _check_noise(text: DatasetText, table: SampleTable) -> None:

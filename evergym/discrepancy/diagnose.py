@@ -35,6 +35,7 @@ from evergym.discrepancy.noise import NoiseModel, estimate_noise
 from evergym.discrepancy.numerics_check import choose_fidelities
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.profiles import list_profiles, to_columns
+from evergym.discrepancy.remarks import remark_limits, remark_own_effects, remark_scatter
 from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.rig import apply_robot, soften_line
@@ -94,6 +95,8 @@ def diagnose(
 def write_results(evidence: Evidence, out: Path) -> None:
     """Write the files of a diagnosis into a folder; ``diagnosis.json`` comes last, so that it means "complete"."""
     out.mkdir(parents=True, exist_ok=True)
+    for stale in ("diagnosis.json", NEXT_FILE):
+        (out / stale).unlink(missing_ok=True)
     save_model(evidence.diagnosis.model, out / "model.toml")
     if evidence.upcoming is not None:
         columns = to_columns(evidence.upcoming.profile.run)
@@ -130,7 +133,8 @@ def run_stages(
         evidence = _run_stages(predictor, noise, model, thresholds, tell)
     finally:
         predictor.close()
-    return dataclasses.replace(evidence, diagnosis=dataclasses.replace(evidence.diagnosis, remarks=aligned + softened))
+    remarks = (*aligned, *softened, *evidence.diagnosis.remarks)
+    return dataclasses.replace(evidence, diagnosis=dataclasses.replace(evidence.diagnosis, remarks=remarks))
 
 
 def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, thresholds: Thresholds, tell: Stage) -> Evidence:
@@ -195,6 +199,12 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     rows = list_candidates(base, candidates, signatures, choice.rivals, excited)
     upcoming = plan_next(predictor, noise, model, choice, effects)
     corrected = final.fit.space.setting(final.fit.z).model
+    calibrated = tuple(calibration.estimates(final.fit))
+    remarks = (
+        *remark_scatter(measurement, noise, final.fit.prediction),
+        *remark_limits(calibrated),
+        *remark_own_effects([effect.name for effect in effects], predictor.user_effects),
+    )
     diagnosis = Diagnosis(
         verdict=verdict,
         effects=effects,
@@ -202,7 +212,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         where=tuple(where),
         where_after=tuple(where_after),
         gap=gap,
-        calibration=tuple(calibration.estimates(final.fit)),
+        calibration=calibrated,
         silent=calibration.silent,
         numerics_error=max(numerics.errors.values(), default=0.0),
         candidates=tuple(rows),
@@ -210,7 +220,9 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         rows_set_aside=dataset.set_aside,
         simulations=predictor.simulations,
         seconds=time.monotonic() - begin,
-        model=dataclasses.replace(corrected, name=f"{model.name}_corrected"),
+        model=dataclasses.replace(corrected, name=f"{model.name}_{'corrected' if effects else 'recalibrated'}"),
+        experiments=len(everything.folds),
+        remarks=remarks,
     )
     tell("done", 1.0)
     return Evidence(

@@ -62,7 +62,8 @@ class Diagnosis:
         rows_set_aside: (row, why) of impossible rows.
         simulations: Runs simulated.
         seconds: It took.
-        model: The corrected model.
+        model: The corrected model; if no effect is named, the recalibrated one.
+        experiments: In the dataset.
         remarks: Runs and parts of the model that were read otherwise than they stand there, and why.
     """
 
@@ -81,6 +82,7 @@ class Diagnosis:
     simulations: int
     seconds: float
     model: Model
+    experiments: int
     remarks: tuple[str, ...] = ()
 
     def to_mapping(self) -> dict[str, Any]:

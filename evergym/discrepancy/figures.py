@@ -24,15 +24,19 @@ BEFORE, AFTER, MEASURED = "#c0392b", "#1f6fb2", "#444444"
 PANELS_MAX = 4
 
 
-def encode(figure: Figure) -> str:
+def encode(figure: Figure | None) -> str | None:
     """Return a figure as a data URI, so that the page needs no other file."""
+    if figure is None:
+        return None
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110, bbox_inches="tight")
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def draw_map(cells: Sequence[Cell]) -> Figure:
-    """Draw the map of disagreement: channels by regimes, the excess over the noise in each cell."""
+def draw_map(cells: Sequence[Cell]) -> Figure | None:
+    """Draw the map of disagreement: channels by regimes, the excess over the noise in each cell; None without cells."""
+    if not cells:
+        return None
     regimes = [name for name in REGIMES if any(cell.regime == name for cell in cells)]
     channels = [name for name in CHANNELS if any(cell.channel == name for cell in cells)]
     values = np.full((len(channels), len(regimes)), np.nan)

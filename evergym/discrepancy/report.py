@@ -9,7 +9,13 @@ import numpy as np
 
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.figures import draw_commands, draw_held_out, draw_map, encode
-from evergym.discrepancy.words import describe_gap, describe_verdict, describe_where
+from evergym.discrepancy.words import (
+    describe_confidence,
+    describe_effect,
+    describe_gap,
+    describe_verdict,
+    describe_where,
+)
 
 __all__ = ["write_report"]
 
@@ -41,11 +47,15 @@ def _collect(evidence: Evidence) -> dict[str, object]:
         "where": describe_where(diagnosis),
         "gap": describe_gap(diagnosis),
         "bars": _list_bars(evidence),
-        "effects": diagnosis.effects,
+        "effects": [
+            (effect, describe_effect(effect.name), describe_confidence(effect.confidence))
+            for effect in diagnosis.effects
+        ],
+        "left_out": diagnosis.experiments > 1,
         "parameters": diagnosis.parameters,
         "map_before": encode(draw_map(diagnosis.where)),
         "map_after": encode(draw_map(diagnosis.where_after)) if named else None,
-        "curves": encode(curves) if curves is not None else None,
+        "curves": encode(curves),
         "held_out": bool(len(held)),
         "candidates": diagnosis.candidates,
         "ties": [f"{e.name} and {' and '.join(e.equivalents)}" for e in diagnosis.effects if e.equivalents],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,9 +192,11 @@ def rank_candidates(
 
 
 def _find_signature(projector: Projector, screening: Screening) -> Signature | None:
+    """Return the signature of the start that promises most, as it looks at the typical strength if it shows there."""
     candidate, fit, use = screening.candidate, projector.fit, projector.use
     limits = fit.space.extend(candidate.axes, candidate.fixed).limits_of(fit.space.size)
-    best: Signature | None = None
+    amplitude = np.array([axis.path in candidate.amplitudes for axis in candidate.axes], dtype=bool)
+    found: list[tuple[bool, Signature]] = []
     for start, column in screening.columns:
         norm = float(np.linalg.norm(column[use]))
         if norm < LOUD:
@@ -204,14 +206,16 @@ def _find_signature(projector: Projector, screening: Screening) -> Signature | N
         gain, stretch = (
             (projector.exact_gain(column), 1.0) if candidate.rounds else projector.gain(column, candidate.signed)
         )
-        begin = np.array(start)
-        for i, axis in enumerate(candidate.axes):
-            if axis.path in candidate.amplitudes:
-                begin[i] *= stretch
-        if best is None or gain > best.gain:
-            begin, seen = np.clip(begin, *limits), np.array(start)
-            best = Signature(candidate, begin, seen, projected, norm, kept, gain, fit)
-    return best
+        seen = np.array(start)
+        begin = np.clip(np.where(amplitude, stretch * seen, seen), *limits)
+        is_typical = bool(np.all(np.abs(seen[amplitude]) <= 1.0))
+        found.append((is_typical, Signature(candidate, begin, seen, projected, norm, kept, gain, fit)))
+    if not found:
+        return None
+    best = max((signature for _, signature in found), key=lambda signature: signature.gain)
+    # Four times the typical strength of anything looks much the same: a tendon that does nothing, growth that stands.
+    looks = max(found, key=lambda entry: (entry[0], entry[1].gain))[1]
+    return replace(best, projected=looks.projected, size=looks.size, kept=looks.kept)
 
 
 def simulate_changes(

@@ -27,6 +27,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+ALONE_MAX = 0.5
+"""Greatest confidence that a single experiment supports: nothing could be left out of the fit (prior)."""
 REST_DOUBT_MAX = 3.0
 """Of the logit of a confidence: what remains speaks against a name, but where the noise is tiny, something always
 remains."""
@@ -196,8 +198,9 @@ def estimate_confidence(share: float, best: Score, position: int, contenders: Se
     """
     effect = best.effects[position]
     others = [contender for contender in contenders if effect not in contender.effects]
+    most = 1.0 if len(best.validation.chi2) > 1 else ALONE_MAX
     lead = min((np.log((other.excess + 0.02) / (best.excess + 0.02)) for other in others), default=3.0)
     shrunk = 1.0 - float(np.sqrt(max(1.0 - share, 0.0)))
     doubt = min(1.5 * float(np.log1p(best.excess)), REST_DOUBT_MAX)
     logit = -1.0 + 8.0 * (shrunk - 0.7) + 1.5 * min(max(float(lead), -1.0), 3.0) - doubt
-    return float(1.0 / (1.0 + np.exp(-logit)))
+    return min(float(1.0 / (1.0 + np.exp(-logit))), most)

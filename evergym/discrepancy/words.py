@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import sys
+
 from evergym.discrepancy.diagnosis import Diagnosis
 from evergym.discrepancy.locate import SIGNIFICANCE
 from evergym.discrepancy.regimes import REGIMES
 from evergym.discrepancy.verdict import Verdict
+from evergym.effects.catalogue import EFFECTS
 
-__all__ = ["describe_channel", "describe_gap", "describe_verdict", "describe_where"]
+__all__ = [
+    "describe_channel",
+    "describe_confidence",
+    "describe_effect",
+    "describe_gap",
+    "describe_verdict",
+    "describe_where",
+]
 
 _CHANNELS = {
     "tip_x_mm": "the tip's x",
@@ -50,8 +60,23 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
             return "These runs excite nothing that could tell: no effect of the catalogue would show in them."
 
 
+def describe_effect(name: str) -> str:
+    """Return what an effect of the catalogue is, in a sentence; nothing for one of the user's own."""
+    if name not in EFFECTS:
+        return ""
+    text = sys.modules[EFFECTS[name].__module__].__doc__ or ""
+    return text.strip().splitlines()[0].partition(": ")[2]
+
+
+def describe_confidence(confidence: float) -> str:
+    """Return how sure a name is: never quite."""
+    return "more than 99 %" if confidence > 0.99 else f"{100 * confidence:.0f} %"
+
+
 def describe_where(diagnosis: Diagnosis) -> str:
     """Return where model and measurements disagree most, in one sentence."""
+    if not diagnosis.where:
+        return "There are too few samples to say where they disagree: no channel has six of them in any regime."
     cells = [cell for cell in diagnosis.where if cell.p_value <= SIGNIFICANCE]
     if not cells:
         return "Nowhere is the disagreement beyond the noise."

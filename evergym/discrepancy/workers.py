@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
+import traceback
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
@@ -14,6 +16,7 @@ from evergym.discrepancy.hook import UserEffect
 from evergym.discrepancy.rig import Fidelity, choose_numerics
 from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.simulate import Prediction, try_simulate_run
+from evergym.errors import ConfigError, EvergymError
 
 __all__ = ["Workers", "simulate_setting"]
 
@@ -66,13 +69,27 @@ def simulate_setting(
 ) -> Prediction:
     """Return what a model with the user's own effects predicts for a run."""
     hooks = tuple(user_effects[name].create_hook(dict(values)) for name, values in setting.user)
-    return try_simulate_run(setting.model, run, choose_numerics(setting.model, run.setup, fidelity), hooks)
+    numerics = choose_numerics(setting.model, run.setup, fidelity)
+    if not hooks:
+        return try_simulate_run(setting.model, run, numerics)
+    try:
+        return try_simulate_run(setting.model, run, numerics, hooks)
+    except EvergymError:
+        raise
+    except Exception as error:
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        names = " or ".join(name for name, _ in setting.user)
+        raise ConfigError(
+            f"{frame.filename}, line {frame.lineno}: your own effect {names} failed in run '{run.id}': "
+            f"{type(error).__name__}: {error}. Mend it, or leave it out of EFFECTS."
+        ) from error
 
 
 _known: dict[str, tuple[tuple[Run, ...], dict[str, UserEffect]]] = {}
 
 
 def _remember(runs: tuple[Run, ...], user_effects: dict[str, UserEffect]) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # whoever started this process ends it so, without a word
     _known["dataset"] = runs, user_effects
 
 

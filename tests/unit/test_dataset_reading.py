@@ -239,6 +239,8 @@ BAD = {
     "a date for a time": (in_csv("r01,1.0", "r01,1700000000"), ["row 4", "'time_s'", "limit"]),
     "pascal for kilopascal": (in_csv(",30,", ",30000,"), ["row 2", "'pressure_kpa'", "30000 kPa", "unit"]),
     "micrometre for millimetre": (in_csv("11.2", "11200"), ["row 4", "'everted_length_mm'", "11200 mm", "unit"]),
+    "metre for millimetre": (in_csv("10.1", "0.0101"), ["row 2", "'everted_length_mm'", "0.0101 mm", "in mm"]),
+    "centimetre for millimetre": (in_csv("10.1", "1.01"), ["row 2", "'everted_length_mm'", "10 times", "in mm"]),
     "text in a cell": (in_csv("11.2", "long"), ["row 4", "'everted_length_mm'", "'long' is no finite number"]),
     "nan in a cell": (in_csv("11.2", "nan"), ["row 4", "'everted_length_mm'", "'nan'", "leave a cell empty"]),
     "infinity in a cell": (in_csv("11.2", "-inf"), ["row 4", "'everted_length_mm'", "'-inf'"]),

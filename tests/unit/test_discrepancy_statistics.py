@@ -346,7 +346,7 @@ def make_cell(excess: float, p_value: float = 1e-9) -> Cell:
 
 
 def make_score(excess: float, total: float, effects: tuple[Candidate, ...] = ()) -> Score:
-    validation = CrossValidation(np.zeros(0), np.array([total]), np.zeros((1, 0)))
+    validation = CrossValidation(np.zeros(0), np.array([0.5 * total, 0.5 * total]), np.zeros((2, 0)))
     return Score(effects, make_linear_fit(np.zeros((1, 1)), np.zeros(1), (1.0,)), validation, excess)
 
 
@@ -387,6 +387,8 @@ def test_confidence_grows_with_the_share_and_the_lead() -> None:
     sure = [estimate_confidence(0.99, best, 0, contenders) for contenders in rivals]
     assert 0.0 < sure[0] < sure[1] < sure[2] < 1.0
     assert estimate_confidence(0.85, best, 0, rivals[2]) < sure[2]
+    alone = dataclasses.replace(best, validation=CrossValidation(np.zeros(0), np.array([1000.0]), np.zeros((1, 0))))
+    assert estimate_confidence(0.99, alone, 0, rivals[2]) <= 0.5  # nothing could be left out
 
 
 def test_silent_runs_are_insufficient_and_not_a_clean_bill() -> None:

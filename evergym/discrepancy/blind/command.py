@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +45,6 @@ class Blind:
             KeyboardInterrupt: The campaign was stopped, by Ctrl-C or a signal; what is done is kept.
         """
         if not self.pool:
-            _treat_termination_as_interrupt()
             run_campaign(self.out, self.cases, self.seed, self.workers, self.baselines)
         folders, cases = (self.pool, None) if self.pool else ((self.out,), self.cases)
 
@@ -80,13 +77,3 @@ class Blind:
 
 def _pool(campaigns: Sequence[Sequence[CaseScore]]) -> BlindSummary:
     return summarise_scores([score for scores in campaigns for score in scores])
-
-
-def _treat_termination_as_interrupt() -> None:
-    """Let a campaign that is told to terminate end its processes first."""
-
-    def interrupt(_number: int, _frame: object) -> None:
-        raise KeyboardInterrupt("Run the same command again to go on.")
-
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, interrupt)

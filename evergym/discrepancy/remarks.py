@@ -1,0 +1,75 @@
+"""What a reader of a diagnosis must know beside its conclusion, each in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evergym.discrepancy.calibrate import ParameterEstimate
+from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.noise import NoiseModel
+from evergym.discrepancy.residual import Measurement
+
+__all__ = ["remark_limits", "remark_own_effects", "remark_scatter"]
+
+Array = NDArray[np.float64]
+
+SCATTER_FACTOR = 1.5
+"""Scatter from sample to sample beyond this many times the noise is worth a remark."""
+PAIRS_MIN = 30
+"""Pairs of neighbouring samples that it takes to say so."""
+
+
+def remark_scatter(measurement: Measurement, noise: NoiseModel, prediction: Array) -> list[str]:
+    """Return the channels whose residual jumps from sample to sample more than their noise says.
+
+    A model that is wrong is wrong for a while; noise that was stated too small shows in every pair of neighbours. (The
+    median of second differences is not moved by the few samples in which a robot jumps.)
+
+    Args:
+        measurement: The samples.
+        noise: Their noise as taken.
+        prediction: Of the best model [channel's unit], (n,).
+    """
+    residual = measurement.value - prediction
+    remarks = []
+    for channel in sorted(set(measurement.channel.tolist())):
+        jumps = []
+        for run in sorted(set(measurement.run.tolist())):
+            mine = residual[(measurement.run == run) & (measurement.channel == channel)]
+            jumps.append(mine[2:] - 2.0 * mine[1:-1] + mine[:-2])
+        second = np.concatenate(jumps)
+        second = np.abs(second[np.isfinite(second)])
+        if len(second) < PAIRS_MIN:
+            continue
+        # White noise of unit size has second differences of size sqrt(6), and a median of 0.6745 times that.
+        scatter = float(np.median(second)) / (0.6745 * np.sqrt(6.0))
+        name = CHANNELS[channel]
+        stated = noise.channels[name].total
+        if scatter > SCATTER_FACTOR * stated:
+            remarks.append(
+                f"{name} scatters from sample to sample by {scatter:.3g}, {scatter / stated:.1f} times the noise of "
+                f"{stated:.3g} that it is judged by: check [noise] in dataset.toml before believing that anything is "
+                "missing"
+            )
+    return remarks
+
+
+def remark_limits(calibration: Sequence[ParameterEstimate]) -> list[str]:
+    """Return which nominal parameters went as far as recalibration may take them."""
+    names = [estimate.path for estimate in calibration if estimate.at_limit]
+    if not names:
+        return []
+    taken = f"recalibration took {', '.join(names)} to the limit of three tolerances"
+    return [f"{taken}: measure them, or doubt the values found for them"]
+
+
+def remark_own_effects(named: Sequence[str], own: Collection[str]) -> list[str]:
+    """Return that a model file cannot hold the user's own effects."""
+    return [
+        f"{name} is an effect of your own, which no model file can hold: model.toml is recalibrated without it"
+        for name in named
+        if name in own
+    ]
