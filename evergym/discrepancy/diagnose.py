@@ -201,7 +201,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     corrected = final.fit.space.setting(final.fit.z).model
     calibrated = tuple(calibration.estimates(final.fit))
     remarks = (
-        *remark_scatter(measurement, noise, final.fit.prediction),
+        *remark_scatter(dataset, measurement, noise, final.fit.prediction),
         *remark_limits(calibrated),
         *remark_own_effects([effect.name for effect in effects], predictor.user_effects),
     )

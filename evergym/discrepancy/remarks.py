@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from evergym.discrepancy.calibrate import ParameterEstimate
 from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.dataset import Dataset
 from evergym.discrepancy.noise import NoiseModel
 from evergym.discrepancy.residual import Measurement
 
@@ -18,17 +19,20 @@ Array = NDArray[np.float64]
 
 SCATTER_FACTOR = 1.5
 """Scatter from sample to sample beyond this many times the noise is worth a remark."""
+NEIGHBOURS_S = 0.5
+"""Samples farther apart than this are no neighbours [s]: between them the robot goes elsewhere."""
 PAIRS_MIN = 30
 """Pairs of neighbouring samples that it takes to say so."""
 
 
-def remark_scatter(measurement: Measurement, noise: NoiseModel, prediction: Array) -> list[str]:
+def remark_scatter(dataset: Dataset, measurement: Measurement, noise: NoiseModel, prediction: Array) -> list[str]:
     """Return the channels whose residual jumps from sample to sample more than their noise says.
 
     A model that is wrong is wrong for a while; noise that was stated too small shows in every pair of neighbours. (The
     median of second differences is not moved by the few samples in which a robot jumps.)
 
     Args:
+        dataset: The runs.
         measurement: The samples.
         noise: Their noise as taken.
         prediction: Of the best model [channel's unit], (n,).
@@ -38,8 +42,9 @@ def remark_scatter(measurement: Measurement, noise: NoiseModel, prediction: Arra
     for channel in sorted(set(measurement.channel.tolist())):
         jumps = []
         for run in sorted(set(measurement.run.tolist())):
-            mine = residual[(measurement.run == run) & (measurement.channel == channel)]
-            jumps.append(mine[2:] - 2.0 * mine[1:-1] + mine[:-2])
+            places = np.flatnonzero((measurement.run == run) & (measurement.channel == channel))
+            mine, time = residual[places], dataset.runs[run].time_s[measurement.row[places]]
+            jumps.append((mine[2:] - 2.0 * mine[1:-1] + mine[:-2])[time[2:] - time[:-2] <= 2.0 * NEIGHBOURS_S])
         second = np.concatenate(jumps)
         second = np.abs(second[np.isfinite(second)])
         if len(second) < PAIRS_MIN:

@@ -71,7 +71,7 @@ def test_noise_stated_too_small_is_told_from_a_wrong_model(factor: float, told: 
     course = 4.0 * np.sin(0.1 * np.arange(120))  # what a model may be off by: far more than the noise, and slow
     dataset = make_dataset(course + factor * 0.3 * rng.normal(size=120))
     noise = estimate_noise(dataset)
-    remarks = remark_scatter(Measurement(dataset, noise), noise, np.zeros(120))
+    remarks = remark_scatter(dataset, Measurement(dataset, noise), noise, np.zeros(120))
     assert bool(remarks) is told
     if told:
         assert "tip_x_mm" in remarks[0] and "[noise]" in remarks[0]
