@@ -232,10 +232,10 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
     """Return whether a further effect predicts left-out experiments better by an amount that matters.
 
     It must also fit the experiments that it was fitted to that much better: one that only steadies the strength of the
-    first, by a free parameter more, is none. (One that leaves nothing over in its fit need not halve the rest of those
-    left out: a law of another form has another strength in every experiment.) And what it gains must be in its
-    signature, at the typical strength: one that gains only far from it, with all nominal parameters moved, is a shape
-    that happens to fit. So is one whose strength is at the limit of its parameter.
+    first, by a free parameter more, is none. (One that leaves hardly anything over in its fit need not halve the rest
+    of those left out: a law of another form has another strength in every experiment.) And what it gains must be in
+    its signature: one that gains only with all nominal parameters moved is a shape that happens to fit. So is one whose
+    strength is at the limit of its parameter.
     """
     gain = 0.5 * (before.validation.total - after.validation.total)
     noise = float(split.use.sum())
@@ -245,7 +245,10 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
     return (
         gain >= thresholds.further_gain_min
         and not after.at_limit
-        and (halved or fitted_after <= thresholds.further_rest_max * noise)
+        and (
+            halved
+            or fitted_after <= max(thresholds.further_rest_max * noise, thresholds.further_eighth * fitted_before)
+        )
         and before.excess - after.excess >= thresholds.further_excess_min
         and fitted_after <= thresholds.further_fit_max * fitted_before
         and foreseen >= thresholds.further_foreseen_min * 0.5 * (fitted_before - fitted_after)
