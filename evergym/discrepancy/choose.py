@@ -247,7 +247,7 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
         and not after.at_limit
         and (
             halved
-            or fitted_after <= max(thresholds.further_rest_max * noise, thresholds.further_eighth * fitted_before)
+            or fitted_after <= max(thresholds.further_rest_max * noise, thresholds.further_left_max * fitted_before)
         )
         and before.excess - after.excess >= thresholds.further_excess_min
         and fitted_after <= thresholds.further_fit_max * fitted_before

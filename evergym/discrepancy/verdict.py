@@ -62,7 +62,7 @@ class Thresholds:
         further_gain_min: Half the chi-squares that left-out experiments must gain from a further effect.
         further_share_max: Share of the excess that a further effect may leave.
         further_rest_max: Excess [sigma^2] in a fit that counts as nothing left over.
-        further_eighth: Share of what the first effect leaves over in its own fit that counts as nothing left over.
+        further_left_max: Share of what the first effect leaves over in its own fit that counts as nothing left over.
         further_fit_max: Share of what the first effect leaves over in its own fit that a further one may leave.
         further_excess_min: Excess [sigma^2] that a further effect must take away.
         further_foreseen_min: Share of what a further effect gains in its fit that its signature must have promised.
@@ -84,7 +84,7 @@ class Thresholds:
     further_gain_min: float = 24.0
     further_share_max: float = 0.5
     further_rest_max: float = 0.05
-    further_eighth: float = 0.125
+    further_left_max: float = 0.125
     further_fit_max: float = 0.5
     further_excess_min: float = 0.1
     further_foreseen_min: float = 0.08
