@@ -55,7 +55,8 @@ class Thresholds:
         rest_cell_min: Excess of a cell after the effect is in, above which something else is still missing.
         strange_cell_min: Excess of a cell after the effect is in, above which and
         strange_share: share of the worst cell's excess before, above which the effect only resembles what is missing,
-        strange_explained_max: unless it explains more than this share of the whole excess.
+        strange_explained_max: unless it explains more than this share of the whole excess, or a further one beside it
+            has earned its place.
         tie_factor: Candidates whose excess is within this factor of the best one's are tied with it.
         tie_offset: The same, as an absolute excess [sigma^2].
         many_cell_min: Excess of a cell with two effects in, above which a third is looked for.
@@ -186,7 +187,7 @@ def decide(
         return Verdict.UNKNOWN_EFFECT
     rest = worst_cell(cells_after)
     is_large = rest >= thresholds.strange_cell_min and rest > thresholds.strange_share * worst_cell(cells_before)
-    if is_large and share <= thresholds.strange_explained_max:
+    if is_large and len(best.effects) == 1 and share <= thresholds.strange_explained_max:
         return Verdict.UNKNOWN_EFFECT  # near, but of another kind: so much does no other form of a law leave over
     if rest >= thresholds.rest_cell_min:
         return Verdict.EFFECT_AND_UNKNOWN_REST
