@@ -8,23 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evergym.discrepancy.candidates import Candidate, make_candidate
 from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.cross_validate import CrossValidation, cross_validate
 from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.fit import Fit, solve_normal
+from evergym.discrepancy.fit import solve_normal
 from evergym.discrepancy.gap import Gap
 from evergym.discrepancy.hold_out import choose_held_out
-from evergym.discrepancy.interval import estimate_intervals
-from evergym.discrepancy.locate import SIGNIFICANCE, Cell, locate
+from evergym.discrepancy.locate import SIGNIFICANCE, locate
 from evergym.discrepancy.noise import ChannelNoise, estimate_noise, find_repeats, whitening_matrix
 from evergym.discrepancy.regimes import REGIMES, label_regimes
 from evergym.discrepancy.residual import Measurement
-from evergym.discrepancy.select import Score
-from evergym.discrepancy.setting import Setting
-from evergym.discrepancy.space import Axis, Space
-from evergym.discrepancy.verdict import Thresholds, Verdict, decide, estimate_confidence, find_equivalents
-from evergym.model import Model
 
 TIME = 0.2 * np.arange(60)
 
@@ -158,98 +150,6 @@ def test_step_within_limits_is_the_constrained_minimum() -> None:
         assert cost(other) >= cost(step) - 1e-9
 
 
-def make_linear_fit(
-    jacobian: np.ndarray, value: np.ndarray, tolerance: tuple[float, ...], rows: np.ndarray | None = None
-) -> Fit:
-    """The exact minimum of a linear problem."""
-    precision = np.array(tolerance) ** -2.0
-    use = slice(None) if rows is None else rows
-    normal = jacobian[use].T @ jacobian[use] + np.diag(precision)
-    z = np.linalg.solve(normal, jacobian[use].T @ value[use])
-    axes = tuple(Axis(f"p{i}", 0.0, 1.0, -1e6, 1e6, tolerance=t) for i, t in enumerate(tolerance))
-    residual = value - jacobian @ z
-    return Fit(Space(Setting(Model()), axes), z, jacobian @ z, residual, jacobian, 0.0)
-
-
-def test_left_out_experiment_does_not_enter_the_strength() -> None:
-    rng = np.random.default_rng(4)
-    experiment = np.repeat(np.arange(4), 50)
-    jacobian = rng.normal(size=(200, 2))
-    value = jacobian @ np.array([0.5, 2.0]) + 0.1 * rng.normal(size=200)
-    fit = make_linear_fit(jacobian, value, (1.0, 1e6))
-    validation = cross_validate(fit, experiment, range(4), np.ones(200, dtype=bool), nominals=1)
-    for k in range(4):
-        without = make_linear_fit(jacobian, value, (1.0, 1e6), np.flatnonzero(experiment != k))
-        assert validation.z[k, 1] == pytest.approx(without.z[1], abs=2e-3)  # 150 samples against a prior 1 wide
-    assert validation.total == pytest.approx(np.sum(validation.residual**2))
-    assert validation.total > fit.chi2  # strengths from elsewhere never fit better
-
-
-def test_strength_that_only_one_experiment_shows_keeps_the_benefit_of_the_doubt() -> None:
-    experiment = np.repeat(np.arange(3), 20)
-    column = np.where(experiment == 0, 1.0, 0.0)
-    fit = make_linear_fit(column[:, None], 3.0 * column, (30.0,))
-    validation = cross_validate(fit, experiment, range(3), np.ones(60, dtype=bool), nominals=0)
-    np.testing.assert_allclose(validation.z[:, 0], fit.z[0], rtol=1e-3)
-
-
-def test_strength_that_other_experiments_contradict_explains_nothing() -> None:
-    experiment = np.repeat(np.arange(3), 20)
-    value = np.where(experiment == 0, 3.0, 0.0)
-    fit = make_linear_fit(np.ones((60, 1)), value, (30.0,))
-    validation = cross_validate(fit, experiment, range(3), np.ones(60, dtype=bool), nominals=0)
-    assert validation.chi2[0] > 0.9 * np.sum(value[experiment == 0] ** 2)
-
-
-def test_a_strength_that_recalibration_nearly_makes_up_for_is_judged_with_the_nominals_it_was_fitted_with() -> None:
-    rng = np.random.default_rng(5)
-    experiment = np.repeat(np.arange(4), 50)
-    effect = rng.normal(size=200)
-    jacobian = np.column_stack((effect + 0.05 * rng.normal(size=200), effect))
-    value = jacobian @ np.array([0.4, 2.0]) + rng.normal(size=200)
-    fit = make_linear_fit(jacobian, value, (1.0, 1e6))
-    validation = cross_validate(fit, experiment, range(4), np.ones(200, dtype=bool), nominals=1)
-    assert np.ptp(validation.z[:, 1]) > 0.1  # alone, each refit is uncertain
-    assert validation.total < 1.05 * fit.chi2
-
-
-def test_a_refit_that_its_own_experiments_do_not_bear_out_is_shortened() -> None:
-    """A derivative leads over a leap, behind which everything is far off; half way to it, all is as it should be."""
-    experiment = np.repeat(np.arange(3), 20)
-    value = np.where(experiment == 0, 2.0, 3.0)
-    fit = make_linear_fit(np.ones((60, 1)), value, (30.0,))
-    leap = fit.z[0] + 0.25
-
-    def simulate(z: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        rest: np.ndarray = value[samples] - z[0] - (50.0 if z[0] > leap else 0.0)
-        return rest
-
-    use = np.ones(60, dtype=bool)
-    linear = cross_validate(fit, experiment, range(3), use, nominals=0)
-    assert linear.z[0, 0] > leap
-    validation = cross_validate(fit, experiment, range(3), use, nominals=0, simulate=simulate)
-    assert validation.chi2[0] < linear.chi2[0]
-    assert validation.chi2[0] > np.sum(fit.residual[experiment == 0] ** 2)
-    np.testing.assert_allclose(validation.chi2[1:], linear.chi2[1:])
-
-
-def test_an_interval_is_no_narrower_than_what_is_left_over_or_than_the_search_was_fine() -> None:
-    rng = np.random.default_rng(6)
-    experiment = np.repeat(np.arange(2), 100)  # too few for a jackknife
-    jacobian = rng.normal(size=(200, 1))
-
-    def width(noise: float, resolution: float = 0.0) -> float:
-        fit = make_linear_fit(jacobian, 4.0 * jacobian[:, 0] + noise * rng.normal(size=200), (1e6,))
-        validation = cross_validate(fit, experiment, range(2), np.ones(200, dtype=bool), nominals=0)
-        (interval,) = estimate_intervals(fit, validation, 0, resolution)
-        assert interval.low_90 < 4.0 < interval.high_90
-        return interval.high_90 - interval.low_90
-
-    assert width(0.1) == pytest.approx(2 * 1.645 / np.sqrt(np.sum(jacobian**2)), rel=1e-3)
-    assert width(5.0) > 4.0 * width(0.1)
-    assert width(0.1, resolution=0.1) == pytest.approx(2 * 1.645 * 0.4, rel=0.01)
-
-
 def test_held_out_experiments_leave_every_regime_to_learn_from() -> None:
     rng = np.random.default_rng(5)
     ramp = np.concatenate((np.linspace(0.0, 3.0, 30), np.linspace(3.0, 0.0, 30)))
@@ -286,18 +186,6 @@ def test_what_a_single_experiment_measures_is_not_held_out(only: int) -> None:
     measurement = Measurement(dataset, estimate_noise(dataset))
     jacobian = np.random.default_rng(8).normal(size=(measurement.size, 3))
     assert only not in choose_held_out(dataset, measurement, jacobian, np.zeros(8))
-
-
-def test_unknowns_without_a_derivative_stay_when_an_experiment_is_left_out() -> None:
-    rng = np.random.default_rng(9)
-    experiment = np.repeat(np.arange(4), 50)
-    fit = make_linear_fit(rng.normal(size=(200, 2)), rng.normal(size=200), (1e6, 1e6))
-    use = np.ones(200, dtype=bool)
-    free = cross_validate(fit, experiment, range(4), use, nominals=0)
-    steady = cross_validate(fit, experiment, range(4), use, nominals=0, steady=np.array([True, False]))
-    assert np.ptp(free.z[:, 0]) > 1e-3
-    np.testing.assert_allclose(steady.z[:, 0], fit.z[0], atol=1e-6)
-    assert np.ptp(steady.z[:, 1]) > 1e-3
 
 
 def test_too_few_experiments_hold_none_out() -> None:
@@ -339,58 +227,3 @@ def test_gap_ratio_compares_what_is_beyond_the_noise() -> None:
     assert Gap((), 5.0, np.sqrt(10.0), np.sqrt(2.0), {}).ratio == pytest.approx(1.0 / 3.0)
     assert Gap((), 5.0, 3.0, 0.9, {}).ratio == 0.0
     assert Gap((), 1.0, 1.0, 1.0, {}).ratio == 1.0
-
-
-def make_cell(excess: float, p_value: float = 1e-9) -> Cell:
-    return Cell("tip_x_mm", "long", (), 10, excess, excess, p_value)
-
-
-def make_score(excess: float, total: float, effects: tuple[Candidate, ...] = ()) -> Score:
-    validation = CrossValidation(np.zeros(0), np.array([0.5 * total, 0.5 * total]), np.zeros((2, 0)))
-    return Score(effects, make_linear_fit(np.zeros((1, 1)), np.zeros(1), (1.0,)), validation, excess)
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "rest", "expected"),
-    [
-        (0.5, 0.0, 0.5, Verdict.NO_EFFECT),  # nothing is off by an amount that matters
-        (20.0, 0.1, 0.4, Verdict.EFFECT),
-        (20.0, 0.5, 2.0, Verdict.EFFECT_AND_UNKNOWN_REST),
-        (20.0, 18.0, 10.0, Verdict.UNKNOWN_EFFECT),  # it resembles what is missing, and leaves half of it somewhere
-        (20.0, 5.0, 10.0, Verdict.EFFECT_AND_UNKNOWN_REST),  # or it explains so much that its law has another form
-        (20.0, 26.0, 4.0, Verdict.UNKNOWN_EFFECT),  # less than 0.75 explained
-    ],
-)
-def test_verdict_follows_from_what_is_explained_and_what_remains(
-    before: float, after: float, rest: float, expected: Verdict
-) -> None:
-    base, best = make_score(100.0, 1e5), make_score(after, 1e3, (make_candidate("pressure_leak"),))
-    verdict = decide(base, best, [make_cell(before)], [make_cell(rest)], ["pressure_leak"], Thresholds())
-    assert verdict is expected
-
-
-def test_what_explains_as_much_in_the_same_place_is_a_tie() -> None:
-    leak, droop, creep, lag = map(make_candidate, ("pressure_leak", "pressure_droop", "wall_creep", "pressure_lag"))
-    best = make_score(0.1, 1000.0, (leak, creep))
-    contenders = [best, make_score(0.11, 1010.0, (droop, creep)), make_score(3.0, 3000.0, (lag, creep))]
-    assert find_equivalents(best, 0, contenders, {}, Thresholds()) == ("pressure_droop",)
-    assert find_equivalents(best, 1, contenders, {}, Thresholds()) == ()
-    # A signature that points the same way is a tie unless a fit has told the two apart.
-    classes = {"pressure_leak": ["pressure_bias", "pressure_lag"]}
-    assert find_equivalents(best, 0, contenders, classes, Thresholds()) == ("pressure_droop", "pressure_bias")
-
-
-def test_confidence_grows_with_the_share_and_the_lead() -> None:
-    leak, droop = make_candidate("pressure_leak"), make_candidate("pressure_droop")
-    best = make_score(0.1, 1000.0, (leak,))
-    rivals = [[best, make_score(excess, 2000.0, (droop,))] for excess in (0.1, 1.0, 10.0)]
-    sure = [estimate_confidence(0.99, best, 0, contenders) for contenders in rivals]
-    assert 0.0 < sure[0] < sure[1] < sure[2] < 1.0
-    assert estimate_confidence(0.85, best, 0, rivals[2]) < sure[2]
-    alone = dataclasses.replace(best, validation=CrossValidation(np.zeros(0), np.array([1000.0]), np.zeros((1, 0))))
-    assert estimate_confidence(0.99, alone, 0, rivals[2]) <= 0.5  # nothing could be left out
-
-
-def test_silent_runs_are_insufficient_and_not_a_clean_bill() -> None:
-    base = make_score(0.0, 100.0)
-    assert decide(base, base, [make_cell(0.2, 1.0)], [], [], Thresholds()) is Verdict.INSUFFICIENT_DATA
