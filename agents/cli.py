@@ -47,10 +47,10 @@ COMMANDS = {
     "effects": CommandEntry("evergym.agents.effect_command", "ShowEffects", "list and explain the physical effects"),
     "docs": CommandEntry("evergym.agents.docs_command", "Docs", "write the pages that say what the code says"),
     "soak": CommandEntry("evergym.agents.soak", "Soak", "run random and adversarial actions for a long time"),
-    "dataset check": CommandEntry("evergym.discrepancy.commands", "DatasetCheck", "check measured runs"),
-    "dataset show": CommandEntry("evergym.discrepancy.commands", "DatasetShow", "draw measured runs"),
+    "dataset check": CommandEntry("evergym.discrepancy.dataset_commands", "DatasetCheck", "check measured runs"),
+    "dataset show": CommandEntry("evergym.discrepancy.dataset_commands", "DatasetShow", "draw measured runs"),
     "dataset export-paper": CommandEntry(
-        "evergym.discrepancy.commands", "DatasetExportPaper", "write the paper's figures as measured runs"
+        "evergym.discrepancy.dataset_commands", "DatasetExportPaper", "write the paper's figures as measured runs"
     ),
     "plot workspace": CommandEntry(
         "evergym.agents.plotting.commands", "PlotWorkspace", "draw where the tip gets to, over pull and pressure"

@@ -35,7 +35,7 @@ class Diagnose:
 
     def run(self) -> int:
         """Diagnose and write the results; returns the exit code."""
-        from evergym.discrepancy.diagnose import diagnose
+        from evergym.discrepancy import diagnose
         from evergym.discrepancy.words import describe_effect, describe_gap, describe_verdict, describe_where
 
         out = self.dataset / "diagnosis" if self.out is None else self.out

@@ -9,9 +9,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.export import add_noise, format_csv, write_dataset, write_whole
-from evergym.discrepancy.record import Recorder
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.export import add_noise, format_csv, write_dataset, write_whole
+from evergym.discrepancy.data.record import Recorder
 from evergym.duct_models.commands import write_duct
 from evergym.duct_models.duct import Duct
 from evergym.duct_models.pegs import PegField

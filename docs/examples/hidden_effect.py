@@ -18,11 +18,11 @@ import tyro
 
 from evergym import Command, Model, Simulator, World, load_model
 from evergym.agents.rehearsal import Trial, compare_models, describe_trials
-from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.diagnose import diagnose
+from evergym.discrepancy import diagnose
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.export import add_noise, write_dataset
+from evergym.discrepancy.data.record import Recorder
 from evergym.discrepancy.diagnosis import Diagnosis
-from evergym.discrepancy.export import add_noise, write_dataset
-from evergym.discrepancy.record import Recorder
 from evergym.discrepancy.words import describe_gap, describe_verdict, describe_where
 from evergym.effects.tendon_backlash import TendonBacklash
 from evergym.errors import ConfigError

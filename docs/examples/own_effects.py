@@ -11,8 +11,8 @@ import dataclasses
 import math
 
 from evergym.config import ParameterInfo
-from evergym.discrepancy.columns import channel_index
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.columns import channel_index
+from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.hook import Array, PassiveHook, UserEffect
 from evergym.simulator import Command, Reading
 

@@ -19,8 +19,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.simulate import simulate_run
 from evergym.model import Model
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from evergym.discrepancy.calibrate import Calibration
-from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.diagnosis import Diagnosis
 from evergym.discrepancy.next_experiment import NextExperiment
 from evergym.discrepancy.noise import NoiseModel

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS, COLUMNS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS, COLUMNS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.locate import SIGNIFICANCE, Cell
 from evergym.discrepancy.regimes import REGIMES
 from evergym.discrepancy.residual import Measurement

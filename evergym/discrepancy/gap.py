@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.residual import Measurement
 
 __all__ = ["Gap", "measure_gap"]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.config import ParameterInfo
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.dataset import Run
 from evergym.effects.catalogue import Effects
 from evergym.errors import ConfigError
 from evergym.simulator import Command, Reading

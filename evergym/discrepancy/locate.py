@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.regimes import label_regimes
 from evergym.discrepancy.residual import Measurement
 

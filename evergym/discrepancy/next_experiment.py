@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.data.columns import CHANNELS
 from evergym.discrepancy.fit import Fit
 from evergym.discrepancy.noise import NoiseModel, whitening_matrix
 from evergym.discrepancy.predict import Predictor

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from evergym.discrepancy.candidates import is_off
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.parameters import find_info, get_value, list_paths
 from evergym.discrepancy.space import Axis
 from evergym.discrepancy.typical import find_faint, measure_rig

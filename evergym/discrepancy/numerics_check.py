@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evergym.discrepancy.data.rig import Fidelity
 from evergym.discrepancy.predict import Predictor
-from evergym.discrepancy.rig import Fidelity
 from evergym.discrepancy.setting import Setting
 
 __all__ = ["NumericsCheck", "choose_fidelities", "measure_spread"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.residual import Measurement
 
 __all__ = ["find_frequencies"]

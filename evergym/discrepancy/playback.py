@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import convert_reading
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.channels import convert_reading
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.schedule import REST_FACTOR, Step
 from evergym.eversion import EVERTED_LENGTH_MIN
 from evergym.model import Numerics

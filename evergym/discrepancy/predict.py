@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import quantise_angles
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.channels import quantise_angles
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.rig import Fidelity
 from evergym.discrepancy.hook import UserEffect
 from evergym.discrepancy.noise import find_repeats
 from evergym.discrepancy.residual import Measurement
-from evergym.discrepancy.rig import Fidelity
 from evergym.discrepancy.setting import Setting, without_rounding
 from evergym.discrepancy.simulate import Prediction
 from evergym.discrepancy.workers import Workers, simulate_setting

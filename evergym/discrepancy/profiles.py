@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.robot import RobotConfig
 
 __all__ = ["Profile", "list_profiles"]

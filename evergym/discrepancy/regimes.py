@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.dataset import Run
 
 __all__ = ["REGIMES", "label_regimes"]
 

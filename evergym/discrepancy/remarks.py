@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.calibrate import ParameterEstimate
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.noise import NoiseModel
 from evergym.discrepancy.residual import Measurement
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.noise import ChannelNoise, NoiseModel, whitening_matrix
 
 __all__ = ["Measurement"]

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import COMMANDS
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.columns import COMMANDS
+from evergym.discrepancy.data.dataset import Run
 
 __all__ = ["Step", "find_events", "plan_steps"]
 

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import quantise_angles
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.playback import Playback, make_command
-from evergym.discrepancy.rig import (
+from evergym.discrepancy.data.channels import quantise_angles
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.rig import (
     choose_numerics,
     refine_for_contact,
     refine_for_effects,
     refine_for_hanging,
     refine_for_length,
 )
+from evergym.discrepancy.data.surroundings import open_world
+from evergym.discrepancy.playback import Playback, make_command
 from evergym.discrepancy.schedule import Step, plan_steps
-from evergym.discrepancy.surroundings import open_world
 from evergym.errors import SimulationDiverged
 from evergym.model import Model, Numerics
 from evergym.simulator import Simulator
@@ -55,10 +55,10 @@ def simulate_run(model: Model, run: Run, numerics: Numerics | None = None, hooks
     """Return the predicted channels at the run's times, shape (k, 9); NaN from where the simulation failed.
 
     Args:
-        model: Robot and effects, with the dataset's overrides (`evergym.discrepancy.rig.apply_robot`).
+        model: Robot and effects, with the dataset's overrides (`evergym.discrepancy.data.rig.apply_robot`).
         run: Setup, surroundings, start, times and commands.
-        numerics: Discretisation; None: `evergym.discrepancy.rig.choose_numerics` for this model and run. Among pegs and
-            in ducts it is refined as contact needs.
+        numerics: Discretisation; None: `evergym.discrepancy.data.rig.choose_numerics` for this model and run. Among
+            pegs and in ducts it is refined as contact needs.
         hooks: Effects of the user's own, applied in order.
     """
     return try_simulate_run(model, run, numerics, hooks).channels

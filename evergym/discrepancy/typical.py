@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from evergym.discrepancy.candidates import Candidate, is_off
-from evergym.discrepancy.columns import COMMANDS
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.columns import COMMANDS
+from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.parameters import get_value
 from evergym.effects.catalogue import EFFECTS
 from evergym.model import Model

@@ -11,9 +11,9 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.rig import Fidelity, choose_numerics
 from evergym.discrepancy.hook import UserEffect
-from evergym.discrepancy.rig import Fidelity, choose_numerics
 from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.simulate import Prediction, try_simulate_run
 from evergym.errors import ConfigError, EvergymError

@@ -9,7 +9,7 @@ from evergym.discrepancy.blind.detect import find_cells, recalibrate, weigh_part
 from evergym.discrepancy.blind.plan import convert_plan
 from evergym.discrepancy.blind.play import play_campaign
 from evergym.discrepancy.blind.protocols import PROTOCOLS, find_range
-from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.data.columns import CHANNELS
 from evergym.discrepancy.parameters import get_value, set_values
 from evergym.model import Numerics, load_model
 

@@ -11,10 +11,10 @@ import pytest
 import tomli_w
 
 from evergym.agents.cli import main
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.dataset_reading import load_dataset
-from evergym.discrepancy.diagnose import diagnose, run_stages
+from evergym.discrepancy import diagnose, run_stages
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.reading import load_dataset
 from evergym.discrepancy.hook import load_user_effects
 from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.simulate import simulate_run

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evergym.discrepancy import run_stages
 from evergym.discrepancy.alignment import Alignment, realign
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.dataset_reading import load_dataset
-from evergym.discrepancy.diagnose import run_stages
-from evergym.discrepancy.export import add_noise, write_dataset
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.export import add_noise, write_dataset
+from evergym.discrepancy.data.reading import load_dataset
+from evergym.discrepancy.data.rig import override_robot
 from evergym.discrepancy.parameters import set_values
-from evergym.discrepancy.rig import override_robot
 from evergym.discrepancy.simulate import simulate_run
 from evergym.discrepancy.verdict import Verdict
 from evergym.model import Model, Numerics, load_model

@@ -14,8 +14,8 @@ from evergym.discrepancy.blind.outside import OUTSIDE
 from evergym.discrepancy.blind.plan import PlannedRun
 from evergym.discrepancy.blind.seal import main
 from evergym.discrepancy.blind.truth import Kind, draw_truth, find_kind
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset_reading import load_dataset
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.reading import load_dataset
 from evergym.errors import ConfigError
 from evergym.model import load_model
 

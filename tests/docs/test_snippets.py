@@ -53,7 +53,7 @@ evergym dataset show paper --out runs.png""",
         "before": """from evergym.agents.cli import main
 assert main(["dataset", "export-paper", "bench-2026-03", "--figures", "fig7"]) == 0""",
     },
-    "from evergym.discrepancy.record import Recorder": {
+    "from evergym.discrepancy.data.record import Recorder": {
         "language": "python",
         "before": """import numpy as np
 from evergym import Command, Simulator, World

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from evergym.agents.recording import EpisodeRecording
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset_reading import load_dataset
-from evergym.discrepancy.rig import apply_robot
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.reading import load_dataset
+from evergym.discrepancy.data.rig import apply_robot
 from evergym.discrepancy.simulate import try_simulate_run
 from evergym.errors import ConfigError, RunError
 from evergym.model import load_model

@@ -11,8 +11,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from evergym.discrepancy.channels import read_channels
-from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.data.channels import read_channels
+from evergym.discrepancy.data.columns import CHANNELS
 from evergym.duct_models.field import WallField
 from evergym.effects.catalogue import EFFECTS
 from evergym.model import Model, Numerics, load_model

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evergym.discrepancy.channels import read_channels
-from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.data.channels import read_channels
+from evergym.discrepancy.data.columns import CHANNELS
 from evergym.simulator import Command, Simulator
 
 KPA = 1e3

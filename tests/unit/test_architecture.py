@@ -21,9 +21,12 @@ LAYERS = {
     "evergym.jit": 0,
     "evergym.duct_models": 1,
     "evergym": 2,
-    "evergym.envs": 3,
-    "evergym.agents": 4,
-    "train": 5,
+    "evergym.discrepancy.data": 3,
+    "evergym.discrepancy": 4,
+    "evergym.discrepancy.blind": 5,
+    "evergym.envs": 6,
+    "evergym.agents": 7,
+    "train": 8,
 }
 # Heavy or telling libraries, and the only modules and packages that may import them.
 RESERVED = {
@@ -113,6 +116,9 @@ def test_reserved_libraries_stay_where_they_belong(module: str) -> None:
         ("evergym.jit", "from evergym import Simulator"),
         ("evergym.duct_models.field", "def f():\n    from evergym.world import World"),
         ("evergym.simulator", "from evergym.envs import duct"),
+        ("evergym.simulator", "from evergym.discrepancy import diagnose"),
+        ("evergym.discrepancy.data.reading", "from evergym.discrepancy.simulate import simulate_run"),
+        ("evergym.discrepancy.stages", "from evergym.discrepancy.blind.truth import Truth"),
         ("evergym.effects.burst_limit", "if TYPE_CHECKING:\n    import evergym.envs.duct"),
         ("evergym.envs.duct", "from evergym import agents"),
         ("evergym.agents.cli", "import train"),

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from evergym.discrepancy.alignment import Alignment, align_dataset, find_alignment, is_table, realign
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.export import add_noise
-from evergym.discrepancy.paper_dataset import make_paper_runs
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.export import add_noise
+from evergym.discrepancy.data.paper import make_paper_runs
 from evergym.discrepancy.simulate import simulate_run
 from evergym.model import Model, load_model
 

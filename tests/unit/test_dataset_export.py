@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.dataset_reading import load_dataset
-from evergym.discrepancy.export import add_noise, write_dataset
-from evergym.discrepancy.paper_dataset import PAPER_FIGURES, export_paper, make_paper_runs
-from evergym.discrepancy.record import Recorder, record_simulator
-from evergym.discrepancy.rig import Fidelity, choose_numerics
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.export import add_noise, write_dataset
+from evergym.discrepancy.data.paper import PAPER_FIGURES, export_paper, make_paper_runs
+from evergym.discrepancy.data.reading import load_dataset
+from evergym.discrepancy.data.record import Recorder, record_simulator
+from evergym.discrepancy.data.rig import Fidelity, choose_numerics
 from evergym.discrepancy.simulate import simulate_run
 from evergym.errors import ConfigError
 from evergym.experiments.paper import read_table

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.hook import UserEffect, load_user_effects
 from evergym.discrepancy.simulate import simulate_run
 from evergym.errors import ConfigError

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evergym.discrepancy.columns import CHANNELS, COLUMNS, COMMANDS
-from evergym.discrepancy.dataset import Dataset
-from evergym.discrepancy.dataset_reading import load_dataset
+from evergym.discrepancy.data.columns import CHANNELS, COLUMNS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset
+from evergym.discrepancy.data.reading import load_dataset
 from evergym.errors import ConfigError
 from evergym.robot import RobotConfig
 

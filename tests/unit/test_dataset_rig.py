@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.rig import apply_robot, choose_numerics
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.rig import apply_robot, choose_numerics
 from evergym.discrepancy.simulate import try_simulate_run
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import read_channels
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.rig import Fidelity, choose_numerics
+from evergym.discrepancy.data.channels import read_channels
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.rig import Fidelity, choose_numerics
 from evergym.discrepancy.schedule import plan_steps
 from evergym.discrepancy.simulate import find_longest, fit_damping, make_command, simulate_run, try_simulate_run
 from evergym.errors import ConfigError, SimulationDiverged

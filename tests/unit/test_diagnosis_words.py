@@ -10,8 +10,9 @@ import pytest
 
 from evergym.agents.cli import main
 from evergym.discrepancy.calibrate import ParameterEstimate
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.rig import Fidelity
 from evergym.discrepancy.diagnosis import Diagnosis
 from evergym.discrepancy.figures import draw_map, encode
 from evergym.discrepancy.hook import PassiveHook, UserEffect
@@ -19,7 +20,6 @@ from evergym.discrepancy.locate import Cell
 from evergym.discrepancy.noise import estimate_noise
 from evergym.discrepancy.remarks import remark_limits, remark_own_effects, remark_scatter
 from evergym.discrepancy.residual import Measurement
-from evergym.discrepancy.rig import Fidelity
 from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.verdict import Verdict
 from evergym.discrepancy.words import describe_confidence, describe_effect, describe_where

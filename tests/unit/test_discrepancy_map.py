@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from evergym.discrepancy.calibrate import approach_samples, calibrate, find_sensitivity
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.noise import ChannelNoise, NoiseModel
 from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.predict import Predictor

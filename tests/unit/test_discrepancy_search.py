@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from evergym.discrepancy.candidates import make_candidate, with_frequencies
-from evergym.discrepancy.channels import CURVATURE, TIP_ANGLE, quantise_angles
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.channels import CURVATURE, TIP_ANGLE, quantise_angles
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.rig import soften_line
 from evergym.discrepancy.fit import whitened_residual
 from evergym.discrepancy.noise import estimate_noise
 from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.periodogram import find_frequencies
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.residual import Measurement
-from evergym.discrepancy.rig import soften_line
 from evergym.discrepancy.setting import Setting, without_rounding
 from evergym.discrepancy.simulate import simulate_run
 from evergym.model import load_model

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from evergym.discrepancy.candidates import find_candidates
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.nominals import find_nominals
 from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.playback import find_pressure_settling

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.fit import solve_normal
 from evergym.discrepancy.gap import Gap
 from evergym.discrepancy.hold_out import choose_held_out

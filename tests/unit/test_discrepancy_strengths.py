@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from evergym.discrepancy.candidates import make_candidate
-from evergym.discrepancy.columns import CHANNELS
 from evergym.discrepancy.cross_validate import CrossValidation
-from evergym.discrepancy.dataset import Dataset, Run
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.fit import Fit, evaluate_fit
 from evergym.discrepancy.noise import estimate_noise
 from evergym.discrepancy.parameters import set_values

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evergym.config import iterate_parameters
-from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.data.columns import CHANNELS
 from evergym.effects.catalogue import EFFECTS, EffectParameters, Effects, compile_effects
 from evergym.effects.contact_friction import ContactFriction
 from evergym.effects.duct_compliance import DuctCompliance, compute_wall_force

@@ -49,6 +49,16 @@ def test_every_package_has_an_init_file() -> None:
     assert [name for name, folder in package_folders().items() if not (folder / "__init__.py").is_file()] == []
 
 
+def test_the_diagnosis_is_a_function_whatever_was_imported_before(tmp_path: Path) -> None:
+    code = """
+import evergym.discrepancy.stages
+from evergym.discrepancy import diagnose, load_dataset, run_stages
+import evergym
+print(evergym.discrepancy.diagnose is diagnose is evergym.discrepancy.stages.diagnose, callable(diagnose))
+"""
+    assert run("-c", code, cwd=tmp_path).stdout.split() == ["True", "True"]
+
+
 @pytest.mark.parametrize("name", LINKED)
 def test_top_level_folders_are_mapped_and_linked(settings: dict[str, Any], name: str) -> None:
     assert settings["tool"]["setuptools"]["package-dir"][f"evergym.{name}"] == name
@@ -129,6 +139,7 @@ def test_import_is_light(tmp_path: Path) -> None:
 import sys, time
 start = time.perf_counter()
 import evergym
+import evergym.discrepancy
 print(f"import evergym: {{time.perf_counter() - start:.2f}} s")
 print([name for name in {HEAVY} if name in sys.modules])
 """

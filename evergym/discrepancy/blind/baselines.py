@@ -24,11 +24,11 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from evergym.discrepancy.blind.detect import recalibrate
 from evergym.discrepancy.blind.folders import write_json
-from evergym.discrepancy.columns import channel_index
-from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.dataset_reading import load_dataset
+from evergym.discrepancy.data.columns import channel_index
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.reading import load_dataset
+from evergym.discrepancy.data.rig import apply_robot
 from evergym.discrepancy.parameters import find_info, get_value, set_values
-from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.simulate import simulate_run
 from evergym.effects.catalogue import EFFECTS
 from evergym.model import Model, load_model

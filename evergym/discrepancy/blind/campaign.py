@@ -34,7 +34,7 @@ HIDING = (Kind.SINGLE, Kind.TWO)
 """Kinds of which the corrected model can come near the truth."""
 BATCH = 6
 """Cases sealed or checked by one process: starting one takes as long as a case."""
-ENGINE = "evergym.discrepancy.diagnose"
+ENGINE = "evergym.discrepancy.stages"
 BASELINES = "evergym.discrepancy.blind.baselines"
 RECHECK = "evergym.discrepancy.blind.recheck"
 SEALER = "evergym.discrepancy.blind.seal"

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from evergym.discrepancy.blind.rig import list_nominals
-from evergym.discrepancy.columns import channel_index
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.columns import channel_index
+from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.parameters import get_value, set_values
 from evergym.discrepancy.regimes import label_regimes
 from evergym.discrepancy.simulate import simulate_run

@@ -16,7 +16,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from evergym.discrepancy.blind.plan import PlannedRun
-from evergym.discrepancy.columns import CHANNELS, COMMANDS, channel_index
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS, channel_index
 
 __all__ = ["Bench", "draw_bench", "format_dataset", "measure_run", "write_dataset"]
 

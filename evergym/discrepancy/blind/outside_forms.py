@@ -10,7 +10,7 @@ import numpy as np
 
 from evergym.discrepancy.blind.alteration import Alteration, Array
 from evergym.discrepancy.blind.plan import PlannedRun
-from evergym.discrepancy.columns import channel_index
+from evergym.discrepancy.data.columns import channel_index
 from evergym.simulator import Command, Simulator
 from evergym.units import DEG, KPA, MM
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import COMMANDS, command_index
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.columns import COMMANDS, command_index
+from evergym.discrepancy.data.dataset import Run
 
 __all__ = ["ROW_S", "PlannedRun", "Profile", "convert_plan"]
 
@@ -31,7 +31,7 @@ class PlannedRun:
         gravity: [m/s^2].
         initial_everted_length_mm: At the first row.
         time_s: Shape (k,).
-        commands: Columns `evergym.discrepancy.columns.COMMANDS`, shape (k, 8); tail feed NaN: coupled.
+        commands: Columns `evergym.discrepancy.data.columns.COMMANDS`, shape (k, 8); tail feed NaN: coupled.
         pegs: Rows x_mm, z_mm, diameter_mm; empty: free space.
     """
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from evergym.discrepancy.blind.alteration import Alteration
 from evergym.discrepancy.blind.plan import PlannedRun
-from evergym.discrepancy.channels import read_channels
-from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.data.channels import read_channels
+from evergym.discrepancy.data.columns import CHANNELS
 from evergym.discrepancy.playback import make_command
 from evergym.model import Model, Numerics
 from evergym.simulator import Command, Simulator

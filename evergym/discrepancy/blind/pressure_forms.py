@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from evergym.discrepancy.blind.alteration import Alteration, Array
 from evergym.discrepancy.blind.plan import PlannedRun
-from evergym.discrepancy.columns import ANGLES, channel_index
+from evergym.discrepancy.data.columns import ANGLES, channel_index
 from evergym.simulator import Command, Simulator
 from evergym.units import KPA, MM
 

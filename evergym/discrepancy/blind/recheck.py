@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.blind.folders import CaseFolders, read_json, write_json
-from evergym.discrepancy.columns import channel_index
-from evergym.discrepancy.dataset_reading import load_dataset
+from evergym.discrepancy.data.columns import channel_index
+from evergym.discrepancy.data.reading import load_dataset
+from evergym.discrepancy.data.rig import apply_robot
 from evergym.discrepancy.parameters import set_values
-from evergym.discrepancy.rig import apply_robot
 from evergym.discrepancy.simulate import simulate_run
 from evergym.model import load_model
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run
-from evergym.discrepancy.export import write_dataset
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.export import write_dataset
 from evergym.errors import ConfigError
 from evergym.experiments.paper import AMBIENT_PRESSURE, read_table
 from evergym.units import GRAM_FORCE, KPA

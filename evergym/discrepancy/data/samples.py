@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import COLUMNS, KEYS
-from evergym.discrepancy.nearest import suggest_nearest
+from evergym.discrepancy.data.columns import COLUMNS, KEYS
+from evergym.discrepancy.data.nearest import suggest_nearest
 from evergym.errors import ConfigError
 
 __all__ = ["SAMPLE_FILES", "SampleTable", "find_sample_file", "read_samples"]

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import ANGLES, CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.dataset_check import find_impossible_rows
-from evergym.discrepancy.dataset_file import DatasetFile, DatasetText, RunEntry, read_dataset_file
-from evergym.discrepancy.nearest import suggest_nearest
-from evergym.discrepancy.samples import SampleTable, find_sample_file, read_samples
+from evergym.discrepancy.data.check import find_impossible_rows
+from evergym.discrepancy.data.columns import ANGLES, CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.file import DatasetFile, DatasetText, RunEntry, read_dataset_file
+from evergym.discrepancy.data.nearest import suggest_nearest
+from evergym.discrepancy.data.samples import SampleTable, find_sample_file, read_samples
 from evergym.errors import ConfigError
 from evergym.robot import RobotConfig
 

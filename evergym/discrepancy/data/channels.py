@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS
+from evergym.discrepancy.data.columns import CHANNELS
 from evergym.model import Model
 from evergym.simulator import Reading, Simulator
 from evergym.units import DEG, KPA, MM

@@ -12,8 +12,8 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.dataset import Run
 from evergym.errors import ConfigError
 
 __all__ = ["add_noise", "format_csv", "write_dataset", "write_whole"]

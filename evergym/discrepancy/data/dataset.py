@@ -1,6 +1,6 @@
 """A dataset of measured runs: ``dataset.toml`` and ``samples.csv`` (or ``.parquet``), as the diagnosis takes them.
 
-`evergym.discrepancy.dataset_reading.load_dataset` reads one.
+`evergym.discrepancy.data.reading.load_dataset` reads one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
 
 __all__ = ["CHANNELS", "COMMANDS", "Dataset", "Run"]
 

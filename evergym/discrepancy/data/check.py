@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
 from evergym.robot import RobotConfig
 
 __all__ = ["find_impossible_rows"]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.dataset import Run
 from evergym.duct_models.field import WallField
 from evergym.duct_models.importer import load_duct
 from evergym.duct_models.pegs import Array

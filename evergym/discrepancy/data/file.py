@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from evergym.config import build, parameter
-from evergym.discrepancy.columns import CHANNELS
-from evergym.discrepancy.nearest import suggest_nearest
-from evergym.discrepancy.rig import override_robot
-from evergym.discrepancy.surroundings import read_peg_table
-from evergym.discrepancy.toml_rows import add_row, find_row
+from evergym.discrepancy.data.columns import CHANNELS
+from evergym.discrepancy.data.nearest import suggest_nearest
+from evergym.discrepancy.data.rig import override_robot
+from evergym.discrepancy.data.surroundings import read_peg_table
+from evergym.discrepancy.data.toml_rows import add_row, find_row
 from evergym.duct_models.duct_file import read_duct_file
 from evergym.errors import ConfigError
 from evergym.robot import RobotConfig

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.channels import convert_reading, quantise_angles
-from evergym.discrepancy.columns import COMMANDS
-from evergym.discrepancy.dataset import Run
+from evergym.discrepancy.data.channels import convert_reading, quantise_angles
+from evergym.discrepancy.data.columns import COMMANDS
+from evergym.discrepancy.data.dataset import Run
 from evergym.errors import ConfigError
 from evergym.simulator import Command, Reading, Simulator
 from evergym.state import Scalar

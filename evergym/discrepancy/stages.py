@@ -20,8 +20,9 @@ from evergym.discrepancy.alignment import align_dataset
 from evergym.discrepancy.calibrate import approach_samples, calibrate, find_sensitivity, refine
 from evergym.discrepancy.candidates import find_candidates
 from evergym.discrepancy.choose import Choice, choose_effects
-from evergym.discrepancy.dataset import Dataset
-from evergym.discrepancy.dataset_reading import load_dataset
+from evergym.discrepancy.data.dataset import Dataset
+from evergym.discrepancy.data.reading import load_dataset
+from evergym.discrepancy.data.rig import apply_robot, soften_line
 from evergym.discrepancy.diagnosis import Diagnosis, write_json
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.findings import describe_effects, list_candidates
@@ -38,7 +39,6 @@ from evergym.discrepancy.profiles import list_profiles, to_columns
 from evergym.discrepancy.remarks import remark_limits, remark_own_effects, remark_scatter
 from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
-from evergym.discrepancy.rig import apply_robot, soften_line
 from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
 from evergym.discrepancy.setting import Setting

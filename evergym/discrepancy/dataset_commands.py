@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from tyro.conf import Positional
 
-from evergym.discrepancy.columns import CHANNELS, COLUMNS
-from evergym.discrepancy.dataset import Dataset, Run
-from evergym.discrepancy.dataset_reading import load_dataset
-from evergym.discrepancy.nearest import suggest_nearest
+from evergym.discrepancy.data.columns import CHANNELS, COLUMNS
+from evergym.discrepancy.data.dataset import Dataset, Run
+from evergym.discrepancy.data.nearest import suggest_nearest
+from evergym.discrepancy.data.reading import load_dataset
 from evergym.errors import ConfigError
 from evergym.model import load_model
 
@@ -34,8 +34,8 @@ class DatasetCheck:
             ConfigError: bad data, with file, row and column.
         """
         from evergym.discrepancy.alignment import align_dataset
-        from evergym.discrepancy.rig import apply_robot
-        from evergym.discrepancy.surroundings import open_world
+        from evergym.discrepancy.data.rig import apply_robot
+        from evergym.discrepancy.data.surroundings import open_world
 
         model = load_model(self.model)
         dataset = load_dataset(self.folder, model.robot)
@@ -80,7 +80,7 @@ class DatasetShow:
         runs = _choose(dataset, self.runs)
         predictions = None
         if model is not None:
-            from evergym.discrepancy.rig import apply_robot
+            from evergym.discrepancy.data.rig import apply_robot
             from evergym.discrepancy.simulate import try_simulate_run
 
             rig = apply_robot(model, dataset)
@@ -89,7 +89,7 @@ class DatasetShow:
                 if prediction.failure:
                     print(f"not simulated to its end: {prediction.failure}")
             predictions = [prediction.channels for prediction in found]
-        from evergym.discrepancy.picture import draw_dataset  # matplotlib takes a second to load
+        from evergym.discrepancy.data.picture import draw_dataset  # matplotlib takes a second to load
 
         draw_dataset(dataset, self.out, predictions, runs)
         print(self.out)
@@ -113,7 +113,7 @@ class DatasetExportPaper:
         Raises:
             ConfigError: an unknown figure, or a dataset that is there already.
         """
-        from evergym.discrepancy.paper_dataset import export_paper
+        from evergym.discrepancy.data.paper import export_paper
 
         print(export_paper(self.folder, self.figures or None, self.overwrite))
         return 0

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 
 from evergym.config import build, to_mapping
-from evergym.discrepancy.dataset import Dataset
+from evergym.discrepancy.data.dataset import Dataset
 from evergym.model import Model, Numerics, check_model, compile_robot
 from evergym.robot import RobotConfig
 from evergym.units import KPA, MM, MPA, UM
