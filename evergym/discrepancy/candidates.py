@@ -37,6 +37,8 @@ TURN_DEG = 45.0
 SCALE_HZ = 0.1
 """Scale of a frequency in a fit [Hz]."""
 ROUNDING_EFFECT = "angle_quantisation"
+FREQUENCY_END = "_hz"
+"""How the path of a parameter ends that is a frequency."""
 ROUNDING = tuple(0.2 * 1.0125**k for k in range(204))
 """Steps of a rounded reading that are tried, in units of the typical one: only the true one has the true levels, and
 the tenth level of a step that is one part in a hundred off is a tenth of a step off."""
@@ -149,7 +151,7 @@ def make_candidate(name: str, model: Model | None = None) -> Candidate:
 
 def with_frequencies(candidate: Candidate, frequencies: Sequence[float]) -> Candidate:
     """Return the candidate with starts at these frequencies [Hz] besides its own; itself if it has no frequency."""
-    place = next((i for i, axis in enumerate(candidate.axes) if axis.path.endswith("_hz")), None)
+    place = next((i for i, axis in enumerate(candidate.axes) if axis.path.endswith(FREQUENCY_END)), None)
     if place is None:
         return candidate
     axis = candidate.axes[place]
@@ -196,7 +198,7 @@ def _make_axis(path: str, info: ParameterInfo, off: object, typical: object) -> 
         zero = float(off)  # type: ignore[arg-type]
         scale = value - zero if value != zero else TYPICAL_SCALES.get(path, _default_scale(low, high, zero))
         return Axis(path, zero, scale, low, high, tolerance=30.0, step=0.1)
-    if path.endswith("_hz"):
+    if path.endswith(FREQUENCY_END):
         return Axis(path, value, SCALE_HZ, low, high, tolerance=np.inf, step=0.05)
     if path.endswith("direction_deg"):
         return Axis(path, value, TURN_DEG, low - 360.0, high + 360.0, tolerance=np.inf, step=0.2, turns=True)
@@ -224,7 +226,7 @@ def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool], together: Sequ
         for axis, is_amplitude in zip(axes, amplitude, strict=True)
     ]
     # What has a sign has no dead band: one strength shows it.
-    once = signed or any(axis.path.endswith("_hz") for axis in axes)
+    once = signed or any(axis.path.endswith(FREQUENCY_END) for axis in axes)
     subsets = [[place] for place in places] or [[]]
     if sum(together) > 1:
         subsets.insert(0, [i for i, is_typical in enumerate(together) if is_typical])
@@ -242,7 +244,7 @@ def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool], together: Sequ
 
 
 def _shape_starts(axis: Axis, signed: bool) -> tuple[float, ...]:
-    if axis.path.endswith("_hz"):
+    if axis.path.endswith(FREQUENCY_END):
         return (0.0,)
     if axis.path.endswith("direction_deg"):
         return (0.0, 2.0) if signed else (0.0, 2.0, 4.0, -2.0)

@@ -34,12 +34,12 @@ class DatasetCheck:
             ConfigError: bad data, with file, row and column.
         """
         from evergym.discrepancy.alignment import align_dataset
-        from evergym.discrepancy.data.rig import apply_robot
+        from evergym.discrepancy.data.rig import apply_robot, soften_line
         from evergym.discrepancy.data.surroundings import open_world
 
         model = load_model(self.model)
         dataset = load_dataset(self.folder, model.robot)
-        rig = apply_robot(model, dataset)
+        rig, _ = soften_line(apply_robot(model, dataset))
         for run in dataset.runs:
             open_world(run)  # meshes are read by nothing before
         print(describe_dataset(dataset))

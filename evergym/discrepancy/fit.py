@@ -21,9 +21,6 @@ STEP_MAX = 1.5
 """Largest move of an unknown in one iteration, in units of its scale."""
 GAIN_MIN = 0.5
 """A fit has converged when a step promises less than this (in half chi-squares)."""
-FAILED = 1000.0
-"""Standard deviations that a sample is taken to be off by where the simulation failed: more than any model is that does
-not fail, or a fit would look for parameters that nothing can be simulated with."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +51,7 @@ class Fit:
 
 def whitened_residual(measurement: Measurement, prediction: Array) -> Array:
     """Return measured minus predicted, whitened; where a simulation failed it counts as far off."""
-    difference = measurement.value - prediction
-    failed = ~np.isfinite(difference)
-    if failed.any():
-        difference = np.where(failed, FAILED * measurement.sigma, difference)
-    return measurement.whiten(difference)
+    return measurement.whiten(measurement.subtract(prediction))
 
 
 def compute_jacobian(

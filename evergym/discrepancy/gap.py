@@ -23,7 +23,7 @@ class Gap:
     """Root mean squares of residual / noise on the held-out runs.
 
     Attributes:
-        held_out_runs: Ids; empty if there were too few experiments to hold any out, then nothing else is known.
+        held_out_runs: Ids.
         nominal: Model as given.
         before: Recalibrated model.
         after: With the effects named.
@@ -57,6 +57,5 @@ def measure_gap(
 
 
 def _rms(measurement: Measurement, prediction: Array, mask: Mask, unit: Array | float) -> float:
-    scaled = ((measurement.value - prediction) / unit)[mask]
-    scaled = scaled[np.isfinite(scaled)]
-    return float(np.sqrt(np.mean(scaled**2))) if len(scaled) else float("nan")
+    scaled = (measurement.subtract(prediction) / unit)[mask]
+    return float(np.sqrt(np.mean(scaled**2)))

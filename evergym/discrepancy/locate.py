@@ -63,12 +63,12 @@ def locate(
         freedom: Share of the samples that the fit has used up, which makes the residual smaller than the noise.
         use: Samples that take part, (n,).
     """
-    scaled = (measurement.value - prediction) / measurement.sigma
+    scaled = measurement.subtract(prediction) / measurement.sigma
     labels = label_regimes(dataset.runs)
     cells: list[Cell] = []
     for channel in sorted(set(measurement.channel.tolist())):
         for regime in dict.fromkeys(name for label in labels for name in label):
-            mask = _select(measurement, labels, channel, regime) & use & np.isfinite(scaled)
+            mask = _select(measurement, labels, channel, regime) & use
             count = int(mask.sum())
             if count < SAMPLES_MIN:
                 continue

@@ -66,9 +66,15 @@ def measure_spread(predictor: Predictor, setting: Setting) -> Array:
 
 
 def _compare(predictor: Predictor, setting: Setting) -> dict[Fidelity, Array]:
-    """Return the differences of the coarser fidelities from the finest, (n,) each."""
+    """Return the differences of the coarser fidelities from the finest, (n,) each; infinite where only they fail."""
     finest = predictor.predict(setting, Fidelity.FINE)
-    return {fidelity: predictor.predict(setting, fidelity) - finest for fidelity in (Fidelity.FAST, Fidelity.STANDARD)}
+    differences = {}
+    for fidelity in (Fidelity.FAST, Fidelity.STANDARD):
+        prediction = predictor.predict(setting, fidelity)
+        # Where only the finest goes on, the coarser is no approximation of it.
+        fails = np.isnan(prediction) & np.isfinite(finest)
+        differences[fidelity] = np.where(fails, np.inf, prediction - finest)
+    return differences
 
 
 def _find_spread(differences: Mapping[Fidelity, Array]) -> Array:
@@ -79,6 +85,6 @@ def _find_spread(differences: Mapping[Fidelity, Array]) -> Array:
 def _worst(predictor: Predictor, difference: Array, run: int) -> float:
     measurement = predictor.measurement
     mine = measurement.run == run
-    scaled = np.where(np.isfinite(difference), difference, 0.0) / measurement.sigma
+    scaled = np.where(np.isnan(difference), 0.0, difference) / measurement.sigma
     squares = [np.mean(scaled[mine & (measurement.channel == c)] ** 2) for c in set(measurement.channel[mine].tolist())]
     return float(np.sqrt(max(squares, default=0.0)))

@@ -18,6 +18,8 @@ SHARPNESS = 6.0
 SWINGS_MIN = 2.0
 """A run shows frequencies with at least so many swings in it; slower ones are drift."""
 SAMPLES_MIN = 8
+BLOCK_MAX = 1_000_000
+"""Values of a sine that are held at once: of a run of ten minutes, all frequencies together would take gigabytes."""
 
 
 def find_frequencies(dataset: Dataset, measurement: Measurement, scaled: Array, use: Mask, count: int) -> list[float]:
@@ -48,8 +50,10 @@ def find_frequencies(dataset: Dataset, measurement: Measurement, scaled: Array, 
     power = np.zeros(len(frequencies))
     for (time, value), span in zip(pieces, spans, strict=True):
         shown = (frequencies >= SWINGS_MIN / span) & (frequencies <= 0.5 / float(np.median(np.diff(time))))
-        angle = 2.0 * np.pi * frequencies[shown, None] * time
-        power[shown] += _find_power(np.sin(angle), np.cos(angle), value)
+        places = np.flatnonzero(shown)
+        for block in np.array_split(places, 1 + places.size * time.size // BLOCK_MAX):
+            angle = 2.0 * np.pi * frequencies[block, None] * time
+            power[block] += _find_power(np.sin(angle), np.cos(angle), value)
     if len(power) < 3:
         return []
     inner = power[1:-1]

@@ -23,8 +23,8 @@ __all__ = ["Predictor"]
 
 Array = NDArray[np.float64]
 
-CACHE_MAX = 40_000
-"""Simulated runs kept; the oldest go first."""
+CACHE_MAX = 2 * 1024**3
+"""Bytes of simulated runs that are kept; the oldest go first."""
 
 
 class Predictor:
@@ -64,6 +64,7 @@ class Predictor:
                 self._twin[index] = group[0]
         self._inert: set[tuple[str, int]] = set()
         self._cache: OrderedDict[tuple[Setting, int, Fidelity], Array] = OrderedDict()
+        self._cached = 0
 
     def close(self) -> None:
         """End the processes."""
@@ -153,8 +154,9 @@ class Predictor:
     def _keep(self, key: tuple[Setting, int, Fidelity], prediction: Prediction) -> Array:
         self._count(prediction)
         self._cache[key] = prediction.channels
-        if len(self._cache) > CACHE_MAX:
-            self._cache.popitem(last=False)
+        self._cached += prediction.channels.nbytes
+        while self._cached > CACHE_MAX and len(self._cache) > 1:
+            self._cached -= self._cache.popitem(last=False)[1].nbytes
         return prediction.channels
 
     def _count(self, prediction: Prediction) -> None:

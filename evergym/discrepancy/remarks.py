@@ -13,7 +13,7 @@ from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.noise import NoiseModel
 from evergym.discrepancy.residual import Measurement
 
-__all__ = ["remark_limits", "remark_own_effects", "remark_scatter"]
+__all__ = ["remark_failures", "remark_limits", "remark_own_effects", "remark_scatter"]
 
 Array = NDArray[np.float64]
 
@@ -59,6 +59,25 @@ def remark_scatter(dataset: Dataset, measurement: Measurement, noise: NoiseModel
                 f"{stated:.3g} that it is judged by: check [noise] in dataset.toml before believing that anything is "
                 "missing"
             )
+    return remarks
+
+
+def remark_failures(
+    dataset: Dataset, measurement: Measurement, prediction: Array, failures: Sequence[str]
+) -> list[str]:
+    """Return the runs that the best model cannot be simulated through.
+
+    Args:
+        dataset: The runs.
+        measurement: The samples.
+        prediction: Of the best model [channel's unit], (n,); NaN where the simulation failed.
+        failures: Why simulations stopped early, newest last, each beginning with its run.
+    """
+    failed = [dataset.runs[i].id for i in sorted(set(measurement.run[~np.isfinite(prediction)].tolist()))]
+    remarks = []
+    for run in failed:
+        why = next((text for text in reversed(failures) if text.startswith(f"run '{run}':")), f"run '{run}'")
+        remarks.append(f"the model cannot be simulated to the end of a run, which counts as far off there: {why}")
     return remarks
 
 

@@ -18,6 +18,9 @@ __all__ = ["Measurement"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+FAILED = 1000.0
+"""Standard deviations that a sample is taken to be off by where the simulation failed: more than any model is that does
+not fail, or a fit would look for parameters that nothing can be simulated with."""
 BLOCK_MAX = 400
 """Longest stretch that is whitened together; the noise of longer runs is taken as independent between stretches."""
 
@@ -108,6 +111,11 @@ class Measurement:
                 continue
             out[segment.start : segment.stop] = tables[run][segment.rows, channel]
         return out
+
+    def subtract(self, prediction: Array) -> Array:
+        """Return measured minus predicted [channel's unit], (n,); where a simulation failed, it is `FAILED` sigmas."""
+        difference = self.value - prediction
+        return np.where(np.isfinite(difference), difference, FAILED * self.sigma)
 
     def whiten(self, values: Array) -> Array:
         """Return values (n,) or columns (n, m) in units of independent unit noise."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.candidates import ROUNDING_FINE, Candidate, with_frequencies
+from evergym.discrepancy.candidates import FREQUENCY_END, ROUNDING_FINE, Candidate, with_frequencies
 from evergym.discrepancy.fit import Fit, solve_normal
 from evergym.discrepancy.periodogram import find_frequencies
 from evergym.discrepancy.predict import Predictor
@@ -153,7 +153,9 @@ def screen_candidates(predictor: Predictor, base: Fit, candidates: Sequence[Cand
         use: Samples that may be looked at, (n,).
     """
     measurement = predictor.measurement
-    swings = find_frequencies(predictor.dataset, measurement, measurement.scale(base.residual), use, FREQUENCIES)
+    swings: list[float] = []
+    if any(axis.path.endswith(FREQUENCY_END) for candidate in candidates for axis in candidate.axes):
+        swings = find_frequencies(predictor.dataset, measurement, measurement.scale(base.residual), use, FREQUENCIES)
     screenings = []
     for candidate in (with_frequencies(candidate, swings) for candidate in candidates):
         space = base.space.extend(candidate.axes, candidate.fixed)
@@ -291,17 +293,21 @@ def _search(
 
 
 def _bridge(signature: Signature, amplitude: Mask) -> list[Array]:
-    """Return strengths from the one that was simulated halfway to the one that it was stretched to, none if near.
+    """Return the strength that was simulated, and one halfway to the one that it was stretched to, if that is far.
 
-    An effect with a dead band is weaker than its stretched signature, or silent: what is true lies between the two.
+    An effect with a dead band is weaker than its stretched signature, or silent: what is true lies between the two. And
+    where growth stalls beyond a threshold, a tenth of a strength may decide about everything.
     """
     start, seen = signature.start[amplitude], signature.simulated[amplitude]
-    if np.any(start * seen < 0.0) or np.all(np.abs(start) > NEAR_SHARE * np.abs(seen)):
+    if np.any(start * seen < 0.0):
         return []
+    simulated = np.where(amplitude, signature.simulated, signature.start)
+    if np.all(np.abs(start) > NEAR_SHARE * np.abs(seen)):
+        return [simulated]
     halfway = np.where(
         amplitude, np.sign(signature.start) * np.sqrt(np.abs(signature.start * signature.simulated)), signature.start
     )
-    return [np.where(amplitude, signature.simulated, signature.start), halfway]
+    return [simulated, halfway]
 
 
 def group_equivalent(signatures: Sequence[Signature], use: Mask) -> dict[str, list[str]]:

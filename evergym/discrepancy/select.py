@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +145,10 @@ def fit_candidates(
     found = search_strengths(predictor, signatures[: count + SPARE], split.use)
     worth = [pair for rank, pair in enumerate(found) if rank < FITTED_MIN or pair[0].gain > WORTH * found[0][0].gain]
     fits = [
-        (_begin_fit(predictor, signature.reference, signature.candidate, strength.z, split.use), signature)
+        (
+            _begin_fit(predictor, signature.reference, signature.candidate, strength.z, split.use),
+            replace(signature, gain=max(signature.gain, strength.gain)),
+        )
         for strength, signature in worth[:count]
     ]
     # A race: who is far behind after the first steps stays as it is, but for the one whose signature promised most.

@@ -36,7 +36,7 @@ from evergym.discrepancy.noise import NoiseModel, estimate_noise
 from evergym.discrepancy.numerics_check import choose_fidelities
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.profiles import list_profiles, to_columns
-from evergym.discrepancy.remarks import remark_limits, remark_own_effects, remark_scatter
+from evergym.discrepancy.remarks import remark_failures, remark_limits, remark_own_effects, remark_scatter
 from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
@@ -123,8 +123,8 @@ def run_stages(
     tell = _Progress(on_stage)
     tell("noise", 0.0)
     model = apply_robot(model, dataset)
+    model, softened = soften_line(model)  # first: an inextensible line may settle elsewhere in each simulation
     dataset, aligned = align_dataset(model, dataset)
-    model, softened = soften_line(model)
     noise = estimate_noise(dataset)
     measurement = Measurement(dataset, noise)
     users = {effect.name: effect for effect in user_effects}
@@ -201,6 +201,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     corrected = final.fit.space.setting(final.fit.z).model
     calibrated = tuple(calibration.estimates(final.fit))
     remarks = (
+        *remark_failures(dataset, measurement, final.fit.prediction, predictor.failures),
         *remark_scatter(dataset, measurement, noise, final.fit.prediction),
         *remark_limits(calibrated),
         *remark_own_effects([effect.name for effect in effects], predictor.user_effects),
