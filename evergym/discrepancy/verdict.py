@@ -87,7 +87,7 @@ class Thresholds:
     further_rest_max: float = 0.05
     further_left_max: float = 0.125
     further_fit_max: float = 0.5
-    further_excess_min: float = 0.1
+    further_excess_min: float = 0.25
     further_foreseen_min: float = 0.08
     kept_min: float = 0.1
     size_min: float = 6.0
