@@ -38,8 +38,16 @@ class Diagnose:
         from evergym.discrepancy import diagnose
         from evergym.discrepancy.words import describe_effect, describe_gap, describe_verdict, describe_where
 
+        if self.jobs < 0:
+            raise ConfigError(f"--jobs is {self.jobs}, but must be 0 (one process per core) or more.")
+        if self.dataset.is_file():
+            raise ConfigError(f"'{self.dataset}' is a file. Give the folder that holds dataset.toml.")
         out = self.dataset / "diagnosis" if self.out is None else self.out
         _check_folder(out)
+        if (out / "dataset.toml").exists():
+            raise ConfigError(f"'{out}' holds measured data, which results must not mix with. Choose another --out.")
+        if (out / "model.toml").exists() and (out / "model.toml").resolve() == Path(self.model).resolve():
+            raise ConfigError(f"The result would overwrite the model '{self.model}'. Choose another --out.")
         with ProgressReport("Diagnosis", UNITS, unit="parts") as progress:
             diagnosis = diagnose(
                 self.dataset,

@@ -82,6 +82,7 @@ def cross_validate(
         simulate: Returns the whitened residual of some samples (of whole runs) at z; None: linear.
         ceiling: Sum of squares that no experiment counts more than, (e,): a fit that is far off is far off, and one
             experiment in which a robot snaps over must not outvote the others. None: no such limit.
+        steady: Unknowns that stay as fitted, (m,): those without a derivative. None: none.
     """
     precision, (low, high) = fit.space.prior_precision, fit.space.limits
     centre = np.zeros(fit.space.size)

@@ -64,7 +64,7 @@ class Diagnosis:
         seconds: It took.
         model: The corrected model; if no effect is named, the recalibrated one.
         experiments: In the dataset.
-        remarks: Runs and parts of the model that were read otherwise than they stand there, and why.
+        remarks: What a reader must know beside the conclusion, each in a sentence.
     """
 
     verdict: Verdict
@@ -77,7 +77,7 @@ class Diagnosis:
     silent: tuple[str, ...]
     numerics_error: float
     candidates: tuple[CandidateRow, ...]
-    next_experiment: Mapping[str, str] | None
+    next_experiment: Mapping[str, Any] | None
     rows_set_aside: tuple[tuple[int, str], ...]
     simulations: int
     seconds: float

@@ -134,7 +134,7 @@ def fit_space(
     refresh: list[int] | None = None,
     iterations: int = 6,
 ) -> Fit:
-    """Fit the unknowns to the samples ``rows`` by Gauss-Newton steps that are halved until they improve.
+    """Fit the unknowns to the samples ``rows`` by Gauss-Newton steps that are shortened until they improve.
 
     Args:
         predictor: Measurements and simulations.

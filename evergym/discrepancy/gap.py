@@ -36,12 +36,6 @@ class Gap:
     after: float
     per_channel: Mapping[str, tuple[float, float]]
 
-    @property
-    def ratio(self) -> float:
-        """Excess over the noise after, over before; 1 where there was none before."""
-        before, after = (float(np.sqrt(max(0.0, value**2 - 1.0))) for value in (self.before, self.after))
-        return after / before if before > 0.0 else 1.0
-
 
 def measure_gap(
     dataset: Dataset, measurement: Measurement, held_out: Mask, nominal: Array, before: Array, after: Array

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -95,7 +96,7 @@ def load_user_effects(path: str | Path) -> tuple[UserEffect, ...]:
     sys.modules[name] = module  # so that its classes can be pickled to other processes
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ConfigError(f"{path} fails when it is run: {type(error).__name__}: {error}.") from error
     effects = getattr(module, "EFFECTS", None)
     if not isinstance(effects, list | tuple) or not effects:
@@ -114,17 +115,22 @@ def load_user_effects(path: str | Path) -> tuple[UserEffect, ...]:
 def _check(effect: object, path: Path) -> None:
     if not isinstance(effect, UserEffect):
         raise ConfigError(f"{path}: EFFECTS holds a {type(effect).__name__}, but must hold UserEffect objects.")
+    if not str(effect.name).isidentifier():
+        raise ConfigError(f"{path}: an effect is named '{effect.name}'. Use letters, digits and underscores only.")
     if not effect.parameters:
         raise ConfigError(f"{path}: the effect '{effect.name}' has no parameters, so nothing of it can be fitted.")
     for name, info in effect.parameters.items():
-        if info.low is None or info.high is None or not info.low < info.high:
-            raise ConfigError(f"{path}: parameter '{name}' of the effect '{effect.name}' needs limits: low below high.")
+        place = f"{path}: parameter '{name}' of the effect '{effect.name}'"
+        if not isinstance(info, ParameterInfo):
+            raise ConfigError(f"{place} is a {type(info).__name__}, but must be a ParameterInfo.")
+        if info.low is None or info.high is None or not -math.inf < info.low < info.high < math.inf:
+            raise ConfigError(f"{place} needs finite limits: low below high.")
         for kind, values in (("off", effect.off), ("typical", effect.typical)):
-            if name not in values or not info.allows(float(values[name])):
-                raise ConfigError(
-                    f"{path}: the effect '{effect.name}' must give a value '{kind}' for '{name}', "
-                    f"{info.describe_limits()}: got {values.get(name)}."
-                )
+            value = values.get(name)
+            if not isinstance(value, int | float) or not info.allows(float(value)):
+                raise ConfigError(f"{place} needs a value '{kind}', {info.describe_limits()}: got {value!r}.")
+    if all(effect.off[name] == effect.typical[name] for name in effect.parameters):
+        raise ConfigError(f"{path}: the effect '{effect.name}' does at its typical values what it does when off.")
     try:
         effect.create_hook(effect.typical)
     except Exception as error:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,18 @@ class NextExperiment:
     why: str
     distance: float
     median: float
+
+    def describe(self, commands: str) -> dict[str, Any]:
+        """Return what it takes to do it, beside the file of its commands."""
+        run = self.profile.run
+        return {
+            "why": self.why,
+            "commands": commands,
+            "title": self.profile.title,
+            "setup": run.setup,
+            "gravity_mps2": list(run.gravity),
+            "initial_everted_length_mm": round(run.initial_everted_length_mm, 1),
+        }
 
 
 def choose_next(

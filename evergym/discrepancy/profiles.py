@@ -78,7 +78,7 @@ def list_profiles(dataset: Dataset, robot: RobotConfig) -> list[Profile]:
     top = float(np.max(commanded[:, 4], initial=0.0)) or robot.pressure_max_kpa
     top = min(top, robot.pressure_max_kpa)
     # The drives' limits are the model's unless the rig gives its own: not beyond what was commanded before, either.
-    pulled = float(np.max(np.abs(commanded[:, 3]), initial=0.0))
+    pulled = float(np.max(commanded[:, 3], initial=0.0))
     inserted, fed = (float(np.nanmax(np.abs(commanded[:, column]), initial=0.0)) for column in (0, 1))
     grown = 0.5 * robot.sheath_material_length_mm
     limits = _Limits(

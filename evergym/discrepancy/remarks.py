@@ -86,14 +86,14 @@ def remark_limits(calibration: Sequence[ParameterEstimate]) -> list[str]:
     names = [estimate.path for estimate in calibration if estimate.at_limit]
     if not names:
         return []
-    taken = f"recalibration took {', '.join(names)} to the limit of three tolerances"
+    taken = f"recalibration took {', '.join(names)} to a limit (three tolerances, or the end of its range)"
     return [f"{taken}: measure them, or doubt the values found for them"]
 
 
 def remark_own_effects(named: Sequence[str], own: Collection[str]) -> list[str]:
     """Return that a model file cannot hold the user's own effects."""
     return [
-        f"{name} is an effect of your own, which no model file can hold: model.toml is recalibrated without it"
+        f"{name} is an effect of your own, which no model file can hold: model.toml is without it"
         for name in named
         if name in own
     ]

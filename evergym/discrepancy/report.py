@@ -9,6 +9,7 @@ import numpy as np
 
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.figures import draw_commands, draw_held_out, draw_map, encode
+from evergym.discrepancy.next_experiment import NextExperiment
 from evergym.discrepancy.words import (
     describe_confidence,
     describe_effect,
@@ -65,7 +66,7 @@ def _collect(evidence: Evidence) -> dict[str, object]:
         "silent": diagnosis.silent or ("none",),
         "noise": evidence.noise.channels,
         "next_commands": encode(draw_commands(upcoming.profile.run)) if upcoming else None,
-        "next_why": f"{upcoming.profile.title.capitalize()}: {upcoming.why}." if upcoming else "",
+        "next_why": _describe_next(upcoming) if upcoming else "",
         "rows_set_aside": diagnosis.rows_set_aside,
         "remarks": diagnosis.remarks,
         "simulations": diagnosis.simulations,
@@ -83,3 +84,12 @@ def _list_bars(evidence: Evidence) -> list[tuple[str, str, float, float]]:
         bars.append(("corrected", "after", gap.after))
     top = max(value for _, _, value in bars)
     return [(label, kind, value, BAR_PX * value / max(top, 1e-9)) for label, kind, value in bars]
+
+
+def _describe_next(upcoming: NextExperiment) -> str:
+    run = upcoming.profile.run
+    gravity = ", ".join(f"{value:g}" for value in run.gravity)
+    return (
+        f"{upcoming.profile.title.capitalize()}: {upcoming.why}. It begins with {run.initial_everted_length_mm:.1f} mm "
+        f'everted, setup "{run.setup}", gravity ({gravity}) m/s².'
+    )

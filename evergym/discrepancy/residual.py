@@ -153,11 +153,6 @@ class Measurement:
         known = np.zeros(self.size) if known is None else known
         return Measurement(dataset, noise, np.where(np.abs(numerics) > np.abs(known), numerics, known))
 
-    def rows_of_runs(self, runs: Sequence[int]) -> NDArray[np.bool_]:
-        """Return which of the n samples belong to these runs."""
-        mask: NDArray[np.bool_] = np.isin(self.run, np.asarray(runs, dtype=np.int64))
-        return mask
-
 
 def _join(parts: list[NDArray[np.int64]]) -> Index:
     return np.concatenate(parts).astype(np.int64) if parts else np.zeros(0, dtype=np.int64)

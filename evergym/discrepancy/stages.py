@@ -47,7 +47,7 @@ from evergym.discrepancy.verdict import NamedEffect, Thresholds, Verdict, decide
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model, save_model
 
-__all__ = ["diagnose", "run_stages", "write_results"]
+__all__ = ["diagnose", "map_disagreement", "plan_next", "run_stages", "split_samples", "write_results"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -198,7 +198,10 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
     tell("next experiment", 0.92)
     rows = list_candidates(base, candidates, signatures, choice.rivals, excited)
     upcoming = plan_next(predictor, noise, model, choice, effects)
-    corrected = final.fit.space.setting(final.fit.z).model
+    # A model file can hold none of the user's own effects: where there is no other, it is the recalibrated model.
+    is_corrected = any(effect.name not in predictor.user_effects for effect in effects)
+    kept = final.fit if is_corrected or not effects else base.fit
+    corrected = kept.space.setting(kept.z).model
     calibrated = tuple(calibration.estimates(final.fit))
     remarks = (
         *remark_failures(dataset, measurement, final.fit.prediction, predictor.failures),
@@ -217,11 +220,11 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         silent=calibration.silent,
         numerics_error=max(numerics.errors.values(), default=0.0),
         candidates=tuple(rows),
-        next_experiment={"why": upcoming.why, "commands": NEXT_FILE} if upcoming else None,
+        next_experiment=upcoming.describe(NEXT_FILE) if upcoming else None,
         rows_set_aside=dataset.set_aside,
         simulations=predictor.simulations,
         seconds=time.monotonic() - begin,
-        model=dataclasses.replace(corrected, name=f"{model.name}_{'corrected' if effects else 'recalibrated'}"),
+        model=dataclasses.replace(corrected, name=f"{model.name}_{'corrected' if is_corrected else 'recalibrated'}"),
         experiments=len(everything.folds),
         remarks=remarks,
     )
@@ -276,15 +279,16 @@ def plan_next(
 ) -> NextExperiment | None:
     """Return the experiment that separates the first effect with ties from those that explain the data as well."""
     for effect in effects:
-        fits = [
-            contender.fit
+        rivals = {
+            name: contender.fit
             for contender in choice.contenders
-            if {other.name for other in contender.effects} & set(effect.equivalents)
-        ]
-        if fits:
-            why = f"separates {effect.name} from {' and '.join(effect.equivalents)}"
+            for name in effect.equivalents
+            if name in {other.name for other in contender.effects}
+        }
+        if rivals:
+            why = f"separates {effect.name} from {' and '.join(rivals)}"
             profiles = list_profiles(predictor.dataset, model.robot)
-            return choose_next(predictor, noise, profiles, choice.best.fit, fits, why)
+            return choose_next(predictor, noise, profiles, choice.best.fit, list(rivals.values()), why)
     return None
 
 

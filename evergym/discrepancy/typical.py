@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from evergym.model import Model
 from evergym.robot import RobotConfig
 from evergym.units import MM, MPA, UM
 
-__all__ = ["RigScale", "find_factor", "find_faint", "list_factors", "measure_rig", "scale_candidates"]
+__all__ = ["RigScale", "find_factor", "find_faint", "measure_rig", "scale_candidates"]
 
 REFERENCE = RobotConfig()
 """The robot for which the catalogue's typical strengths are visible."""
@@ -184,9 +184,3 @@ def _find_stiffness(robot: RobotConfig, setups: set[str]) -> float:
     sheath = math.pi * radius**3 * robot.sheath_wall_um * UM * robot.sheath_modulus_mpa * MPA
     catheter = robot.catheter_bending_stiffness_n_m2
     return sheath if setups == {"sheath"} else catheter if setups == {"catheter"} else sheath + catheter
-
-
-def list_factors(candidates: Sequence[Candidate], scale: RigScale) -> Mapping[str, float]:
-    """Return what of the candidates' unknowns is not as on the 2023 robot, and its factor."""
-    paths = [axis.path for candidate in candidates for axis in candidate.axes]
-    return {path: factor for path in paths if (factor := find_factor(path, scale)) != 1.0}

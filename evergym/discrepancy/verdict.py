@@ -46,7 +46,9 @@ class Verdict(enum.Enum):
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Limits of the decision; settled on development cases of our own, none of them of the blind campaign.
+    """Limits of the decision, settled on development cases and on blind ones once they had been missed and reported.
+
+    Where each comes from is in `docs/design/diagnosis.md`.
 
     Attributes:
         share_min: Explained share of the excess below which no name is given.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
 from evergym.discrepancy.diagnosis import Diagnosis
-from evergym.discrepancy.locate import SIGNIFICANCE
+from evergym.discrepancy.locate import SIGNIFICANCE, Cell
 from evergym.discrepancy.regimes import REGIMES
-from evergym.discrepancy.verdict import Verdict
+from evergym.discrepancy.verdict import Verdict, worst_cell
 from evergym.effects.catalogue import EFFECTS
 
 __all__ = [
@@ -43,14 +44,17 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
     plural = "effects are" if len(diagnosis.effects) > 1 else "effect is"
     match diagnosis.verdict:
         case Verdict.EFFECT:
-            return f"The model lacks {names}. With it, model and measurements agree within the noise."
+            added = "them" if len(diagnosis.effects) > 1 else "it"
+            close = _how_well(diagnosis.where_after)
+            return f"The model lacks {names}. With {added}, model and measurements agree {close}."
         case Verdict.EFFECT_AND_UNKNOWN_REST:
             return (
                 f"The model lacks {names}. Once the {plural} in, a smaller disagreement remains that no effect of the "
                 "catalogue explains."
             )
         case Verdict.NO_EFFECT:
-            return "Nothing is missing that these runs could show: the recalibrated model agrees with them."
+            close = _how_well(diagnosis.where)
+            return f"Nothing is missing that these runs could show: the recalibrated model agrees with them {close}."
         case Verdict.UNKNOWN_EFFECT:
             return (
                 "Something is missing, and no effect of the catalogue explains it: the measurements disagree with "
@@ -98,6 +102,11 @@ def describe_gap(diagnosis: Diagnosis) -> str:
         f"the model as given, {gap.before:.2f} after recalibration"
     )
     return text + (f", and {gap.after:.2f} with what was found." if diagnosis.effects else ".")
+
+
+def _how_well(cells: Sequence[Cell]) -> str:
+    rest = worst_cell(cells)
+    return f"to {rest:.1f} times the noise" if rest > 0.0 else "within the noise"
 
 
 def _or_equivalents(names: tuple[str, ...]) -> str:

@@ -26,7 +26,7 @@ from evergym.discrepancy.words import describe_confidence, describe_effect, desc
 from evergym.discrepancy.workers import simulate_setting
 from evergym.effects.catalogue import EFFECTS
 from evergym.errors import ConfigError
-from evergym.model import Model, load_model
+from evergym.model import Model, load_model, save_model
 
 
 def make_dataset(measured: np.ndarray, noise: float = 0.3) -> Dataset:
@@ -112,3 +112,20 @@ def test_results_that_could_not_be_written_are_refused_before_anything_is_comput
     assert "is a file; the results need a folder" in capsys.readouterr().err
     assert main(["blind", "--cases", "1", "--out", str(tmp_path / "file")]) == 1
     assert "file" in capsys.readouterr().err
+    assert main(["diagnose", str(tmp_path / "file")]) == 1
+    assert "Give the folder that holds dataset.toml" in capsys.readouterr().err
+
+
+def test_results_overwrite_neither_the_data_nor_the_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "dataset.toml").write_text("schema = 1", encoding="utf-8")
+    model = tmp_path / "lab" / "model.toml"
+    model.parent.mkdir()
+    save_model(load_model("mammobot_2023"), model)
+    assert main(["diagnose", str(tmp_path), "--out", str(tmp_path)]) == 1
+    assert "holds measured data" in capsys.readouterr().err
+    assert main(["diagnose", str(tmp_path), "--model", str(model), "--out", str(model.parent)]) == 1
+    assert "would overwrite the model" in capsys.readouterr().err
+    assert main(["diagnose", str(tmp_path), "--jobs", "-1"]) == 1
+    assert "--jobs is -1" in capsys.readouterr().err
+    assert main(["blind", "--workers", "-1", "--out", str(tmp_path / "campaign")]) == 1
+    assert not (tmp_path / "campaign").exists()

@@ -11,7 +11,6 @@ import pytest
 from evergym.discrepancy.data.columns import CHANNELS
 from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.fit import solve_normal
-from evergym.discrepancy.gap import Gap
 from evergym.discrepancy.hold_out import choose_held_out
 from evergym.discrepancy.locate import SIGNIFICANCE, locate
 from evergym.discrepancy.noise import ChannelNoise, estimate_noise, find_repeats, whitening_matrix
@@ -221,9 +220,3 @@ def test_map_finds_the_cell_that_is_off_and_no_other_by_chance() -> None:
     assert (cells[0].channel, cells[0].regime) == ("tip_x_mm", "tendon reversal")
     assert cells[0].excess == pytest.approx(1.5 / 0.3, rel=0.2)
     assert cells[0].p_value < 1e-6
-
-
-def test_gap_ratio_compares_what_is_beyond_the_noise() -> None:
-    assert Gap((), 5.0, np.sqrt(10.0), np.sqrt(2.0), {}).ratio == pytest.approx(1.0 / 3.0)
-    assert Gap((), 5.0, 3.0, 0.9, {}).ratio == 0.0
-    assert Gap((), 1.0, 1.0, 1.0, {}).ratio == 1.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evergym.config import check
 from evergym.discrepancy.blind.alteration import Alteration
-from evergym.discrepancy.blind.detect import find_cells, recalibrate, weigh_part
+from evergym.discrepancy.blind.detect import KEPT_SHARE, SIGMAS, find_cells, recalibrate, weigh_part
 from evergym.discrepancy.blind.faults import FAULTS
 from evergym.discrepancy.blind.growth_forms import GrowthLaw, remove_resistance
 from evergym.discrepancy.blind.hidden import list_hidden
@@ -145,7 +145,7 @@ def _make_attempt(truth: Truth) -> Case:
         if len(truth.parts) == 1:
             # The definition itself, where there is one part only: the truth against the recalibrated model.
             largest = cells[0].sigmas if cells else 0.0
-            found = replace(found, sigmas=largest, detectable=largest >= 3.0 and found.kept_share >= 0.1)
+            found = replace(found, sigmas=largest, detectable=largest >= SIGMAS and found.kept_share >= KEPT_SHARE)
         detections.append({"name": part.name, **found.to_json()})
     sealed["detections"] = detections
     sealed["recalibrated"] = best.nominals

@@ -11,6 +11,7 @@ from evergym.discrepancy.blind.campaign import load_scores, run_campaign
 from evergym.discrepancy.blind.folders import write_json
 from evergym.discrepancy.blind.score import CaseScore
 from evergym.discrepancy.blind.summary import BASELINES, BlindSummary, print_baselines, print_summary, summarise_scores
+from evergym.errors import ConfigError
 
 __all__ = ["Blind"]
 
@@ -44,6 +45,8 @@ class Blind:
         Raises:
             KeyboardInterrupt: The campaign was stopped, by Ctrl-C or a signal; what is done is kept.
         """
+        if self.workers < 0 or self.cases < 1:
+            raise ConfigError(f"--workers {self.workers} --cases {self.cases}: needs 0 workers or more, and a case.")
         if not self.pool:
             run_campaign(self.out, self.cases, self.seed, self.workers, self.baselines)
         folders, cases = (self.pool, None) if self.pool else ((self.out,), self.cases)

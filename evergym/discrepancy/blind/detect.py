@@ -24,7 +24,7 @@ from evergym.discrepancy.regimes import label_regimes
 from evergym.discrepancy.simulate import simulate_run
 from evergym.model import Model
 
-__all__ = ["Cell", "Detection", "Recalibration", "find_cells", "recalibrate", "weigh_part"]
+__all__ = ["KEPT_SHARE", "SIGMAS", "Cell", "Detection", "Recalibration", "find_cells", "recalibrate", "weigh_part"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -39,16 +40,18 @@ def _write(files: Files, table: Table) -> Files:
     return {**files, "samples.csv": text.getvalue()}
 
 
-def _measured_cell(generator: Generator, table: Table, column: str) -> int:
-    """Return the index of a row, not the first of the table, in which a column has a value."""
+def _measured_cell(generator: Generator, table: Table, column: str, least: float = -math.inf) -> int:
+    """Return the index of a row, not the first of the table, in which a column has a value above ``least``."""
     place = table[0].index(column)
-    rows = [i for i in range(2, len(table)) if table[i][place]]
+    rows = [i for i in range(2, len(table)) if table[i][place] and float(table[i][place]) > least]
     return int(generator.choice(rows))
 
 
-def _set(generator: Generator, files: Files, column: str, change: Callable[[str], str]) -> Spoiled:
+def _set(
+    generator: Generator, files: Files, column: str, change: Callable[[str], str], least: float = -math.inf
+) -> Spoiled:
     table = _read(files)
-    row = _measured_cell(generator, table, column)
+    row = _measured_cell(generator, table, column, least)
     place = table[0].index(column)
     table[row][place] = change(table[row][place])
     return Spoiled(_write(files, table), ("samples.csv", f"row {row + 1}", column))
@@ -72,8 +75,8 @@ def turn_time_back(generator: Generator, files: Files) -> Spoiled:
 
 
 def change_pressure_unit(generator: Generator, files: Files) -> Spoiled:
-    """A pressure is in pascals."""
-    return _set(generator, files, "pressure_kpa", lambda cell: repr(float(cell) * 1000.0))
+    """A pressure is in pascals: one above 2 kPa, since less passes for a high pressure in kPa."""
+    return _set(generator, files, "pressure_kpa", lambda cell: repr(float(cell) * 1000.0), least=2.0)
 
 
 def change_length_unit(generator: Generator, files: Files) -> Spoiled:

@@ -44,6 +44,8 @@ class CaseScore:
         both: Both hidden effects are named.
         both_in_sets: The same, equivalents counted.
         extra: A name is given beyond the hidden effects and their ties.
+        gap_before: Disagreement on held-out runs [sigma rms] after recalibration, as the diagnosis says.
+        gap_after: The same with what was found.
         gap_ratio: Excess on held-out runs after over before, as the diagnosis says.
         gap_ratio_checked: The same distances, measured from the noise-free truth.
         covered: For every strength of library form, whether its 90 % interval holds the true value.
@@ -71,6 +73,8 @@ class CaseScore:
     both: bool | None = None
     both_in_sets: bool | None = None
     extra: bool | None = None
+    gap_before: float | None = None
+    gap_after: float | None = None
     gap_ratio: float | None = None
     gap_ratio_checked: float | None = None
     covered: tuple[bool, ...] = ()
@@ -141,6 +145,8 @@ def score_case(
         )
     base = dataclasses.replace(
         base,
+        gap_before=diagnosis["gap"]["before"] if diagnosis is not None else None,
+        gap_after=diagnosis["gap"]["after"] if diagnosis is not None else None,
         gap_ratio=compute_gap_ratio(diagnosis),
         gap_ratio_checked=checked_ratio,
         covered=_cover(parts, effects),

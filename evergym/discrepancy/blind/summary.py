@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,9 +41,11 @@ MEANINGS = {
     "outside_confident_wrong": "wrong name given with confidence for one",
     "two_both": "both of two effects named",
     "two_both_in_sets": "both, equivalents counted",
-    "two_extra": "spurious third name",
-    "single_extra": "spurious second name beside a single effect",
-    "gap_ratio_median": "held-out gap, after over before, median",
+    "two_extra": "a name that is neither, beside two effects or in the place of one",
+    "single_extra": "a name that is not the effect, beside a single one or in its place",
+    "gap_before_median": "held-out gap after recalibration [sigma rms], median",
+    "gap_after_median": "held-out gap with what was found [sigma rms], median",
+    "gap_ratio_median": "held-out excess, after over before, median",
     "gap_ratio_checked": "the same against the noise-free truth, median",
     "coverage_90": "90 % intervals that hold the true strength",
     "located_top2": "true cell among the two top cells of the map",
@@ -76,7 +78,9 @@ class BlindSummary:
         kinds: Of each kind, and how many of them are detectable.
         rates: By the names of the contract, and some more.
         set_size_mean: Of single effects that were named.
-        gap_ratio_median: Over detectable single and double effects.
+        gap_before_median: Held-out gap [sigma rms] after recalibration, over detectable single and double effects.
+        gap_after_median: The same with what was found.
+        gap_ratio_median: Excess over the noise after, over before; the same cases.
         gap_ratio_checked: The same, measured from the noise-free truth.
         seconds_per_case: Mean over cases without bad data.
         reliability: How often names given with so much confidence are right.
@@ -87,6 +91,8 @@ class BlindSummary:
     kinds: dict[str, dict[str, int]]
     rates: dict[str, Rate]
     set_size_mean: float | None
+    gap_before_median: float | None
+    gap_after_median: float | None
     gap_ratio_median: float | None
     gap_ratio_checked: float | None
     seconds_per_case: float | None
@@ -101,6 +107,8 @@ class BlindSummary:
             "kinds": self.kinds,
             **rates,
             "set_size_mean": self.set_size_mean,
+            "gap_before_median": self.gap_before_median,
+            "gap_after_median": self.gap_after_median,
             "gap_ratio_median": self.gap_ratio_median,
             "gap_ratio_checked": self.gap_ratio_checked,
             "seconds_per_case": self.seconds_per_case,
@@ -126,9 +134,7 @@ def summarise_scores(scores: Sequence[CaseScore]) -> BlindSummary:
     single = [score for score in scores if score.kind == Kind.SINGLE]
     two = [score for score in scores if score.kind == Kind.TWO]
     usable = [score for score in scores if score.kind != Kind.FAULT]
-    gaps = [score.gap_ratio for score in (*single, *two) if score.gap_ratio is not None]
-    checked = [score.gap_ratio_checked for score in (*single, *two) if score.gap_ratio_checked is not None]
-    sizes = [score.set_size for score in single if score.set_size is not None]
+    hidden = [*single, *two]
     seconds = [score.seconds for score in usable if score.verdict != "failed"]
     rates = {
         "top1": compute_rate(score.top1 for score in single),
@@ -150,13 +156,21 @@ def summarise_scores(scores: Sequence[CaseScore]) -> BlindSummary:
         cases=len(scores),
         kinds=kinds,
         rates=rates,
-        set_size_mean=round(float(np.mean(sizes)), 3) if sizes else None,
-        gap_ratio_median=round(float(np.median(gaps)), 4) if gaps else None,
-        gap_ratio_checked=round(float(np.median(checked)), 4) if checked else None,
-        seconds_per_case=round(float(np.mean(seconds)), 2) if seconds else None,
+        set_size_mean=_take(np.mean, [score.set_size for score in single]),
+        gap_before_median=_take(np.median, [score.gap_before for score in hidden]),
+        gap_after_median=_take(np.median, [score.gap_after for score in hidden]),
+        gap_ratio_median=_take(np.median, [score.gap_ratio for score in hidden]),
+        gap_ratio_checked=_take(np.median, [score.gap_ratio_checked for score in hidden]),
+        seconds_per_case=_take(np.mean, seconds),
         reliability=compute_reliability(scores),
         scores=tuple(scores),
     )
+
+
+def _take(average: Callable[[list[float]], Any], values: Iterable[float | None]) -> float | None:
+    """Return an average of the values that there are, None without any."""
+    found = [value for value in values if value is not None]
+    return round(float(average(found)), 4) if found else None
 
 
 def print_summary(summary: BlindSummary, console: Console | None = None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.data.dataset import Run
+from evergym.discrepancy.data.samples import SAMPLE_FILES
 from evergym.errors import ConfigError
 
 __all__ = ["add_noise", "format_csv", "write_dataset", "write_whole"]
@@ -55,7 +57,7 @@ def write_dataset(
         ConfigError: the folder holds a dataset already, or a channel has no noise.
     """
     folder = Path(folder)
-    present = [path for path in (folder / "dataset.toml", *folder.glob("samples.*")) if path.exists()]
+    present = [path for path in (folder / name for name in ("dataset.toml", *SAMPLE_FILES)) if path.exists()]
     if present and not overwrite:
         raise ConfigError(f"'{present[0]}' is there already. Choose another folder, or allow to overwrite it.")
     measured = [c for c in CHANNELS if any(np.isfinite(run.measured[:, CHANNELS.index(c)]).any() for run in runs)]
@@ -94,7 +96,7 @@ def add_noise(run: Run, noise: Mapping[str, float], rng: np.random.Generator) ->
     sigma = np.array([noise.get(channel, np.nan) for channel in CHANNELS])
     measured = run.measured + sigma * rng.standard_normal(run.measured.shape)
     measured.flags.writeable = False
-    return Run(**{**{key: getattr(run, key) for key in run.__dataclass_fields__}, "measured": measured})
+    return dataclasses.replace(run, measured=measured)
 
 
 def format_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -65,19 +65,23 @@ def _read_pegs(path: Path, age: int) -> Array:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"The table of pegs '{path}' cannot be read: {error}.") from None
     reader = csv.reader(lines)
-    header = [cell.strip() for cell in next(reader, [])]
+    try:
+        header = [cell.strip() for cell in next(reader, [])]
+        rows = [(reader.line_num, cells) for cells in reader]
+    except csv.Error as error:
+        raise ConfigError(f"{path}, row {reader.line_num}: this is no table of pegs: {error}.") from None
     if sorted(header) != sorted(PEG_COLUMNS):
         raise ConfigError(f"{path}, row 1: the columns are {header}, but must be {', '.join(PEG_COLUMNS)}.")
     pegs = []
-    for cells in reader:
+    for line, cells in rows:
         if not any(cell.strip() for cell in cells):
             continue
         try:
             row = dict(zip(header, map(float, cells), strict=True))
         except ValueError:
-            raise ConfigError(f"{path}, row {reader.line_num}: needs three numbers, got {cells}.") from None
+            raise ConfigError(f"{path}, row {line}: needs three numbers, got {cells}.") from None
         if not (np.isfinite(list(row.values())).all() and row["diameter_mm"] > 0.0):
-            raise ConfigError(f"{path}, row {reader.line_num}: needs finite numbers and a diameter above 0: {row}.")
+            raise ConfigError(f"{path}, row {line}: needs finite numbers and a diameter above 0: {row}.")
         pegs.append((row["x_mm"] * MM, 0.0, row["z_mm"] * MM, 0.0, 1.0, 0.0, 0.5 * row["diameter_mm"] * MM))
     if not pegs:
         raise ConfigError(f'{path} holds no pegs. Add rows, or write environment = "free".')
