@@ -48,7 +48,7 @@ def read_duct_file(path: Path) -> dict[str, Any]:
         GeometryError: If the file is missing, no TOML, or has an unknown key or a value of the wrong kind.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise GeometryError(
             f"Duct file '{path}' does not exist. Give a mesh file or a duct.toml that names one."

@@ -67,7 +67,6 @@ def read_samples(path: Path) -> SampleTable:
             number or outside any physical range; with file, row and column.
     """
     header, rows, numbers = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path)
-    _check_header(path, header)
     if not rows:
         raise ConfigError(f"{path} holds no samples, only the names of the columns. Add one row per sample.")
     place = {name: i for i, name in enumerate(header)}
@@ -104,6 +103,7 @@ def _read_csv(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
             if not header:
                 header = stripped
                 _check_separator(path, reader.line_num, header)
+                _check_header(path, reader.line_num, header)
                 continue
             if len(stripped) != len(header):
                 raise ConfigError(
@@ -136,6 +136,7 @@ def _read_parquet(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
     except Exception as error:  # noqa: BLE001  (every engine has its own kinds)
         raise ConfigError(f"{path} cannot be read as Parquet: {error}. Write it again, or use samples.csv.") from None
     header = [str(name).strip() for name in frame.columns]
+    _check_header(path, 1, header)
     missing = frame.isna().to_numpy()
     rows = [
         ["" if lost else str(cell).strip() for cell, lost in zip(row, gaps, strict=True)]
@@ -144,18 +145,18 @@ def _read_parquet(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
     return header, rows, list(range(1, len(rows) + 1))
 
 
-def _check_header(path: Path, header: Sequence[str]) -> None:
+def _check_header(path: Path, line: int, header: Sequence[str]) -> None:
     known = [*KEYS, *COLUMNS]
     for i, name in enumerate(header):
         if not name:
-            raise ConfigError(f"{path}, row 1: column {i + 1} has no name. Name it, or remove it.")
+            raise ConfigError(f"{path}, row {line}: column {i + 1} has no name. Name it, or remove it.")
         if name not in known:
-            raise ConfigError(f"{path}, row 1: unknown column '{name}'.{suggest_nearest(name, known)}")
+            raise ConfigError(f"{path}, row {line}: unknown column '{name}'.{suggest_nearest(name, known)}")
         if name in header[:i]:
-            raise ConfigError(f"{path}, row 1: the column '{name}' is there twice. Keep one of them.")
+            raise ConfigError(f"{path}, row {line}: the column '{name}' is there twice. Keep one of them.")
     for name in KEYS:
         if name not in header:
-            raise ConfigError(f"{path}, row 1: the column '{name}' is missing. Every sample needs its run and time.")
+            raise ConfigError(f"{path}, row {line}: the column '{name}' is missing. Every sample needs its run and time.")
 
 
 def _read_column(path: Path, name: str, cells: Sequence[str], numbers: Sequence[int]) -> Array:
