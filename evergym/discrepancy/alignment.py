@@ -19,16 +19,15 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
+from evergym.discrepancy.data.columns import CHANNELS, COMMANDS, RATES
 from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.discrepancy.simulate import simulate_run
 from evergym.model import Model
 
-__all__ = ["Alignment", "align_dataset", "is_table", "realign"]
+__all__ = ["Alignment", "align_dataset", "find_alignment", "is_table", "realign"]
 
 Array = NDArray[np.float64]
 
-RATES = [COMMANDS.index("insertion_mm_s"), COMMANDS.index("tail_feed_mm_s")]
 SET_POINTS = [i for i in range(len(COMMANDS)) if i not in RATES]
 TAIL = COMMANDS.index("tail_feed_mm_s")
 REST_S = 1e-3

@@ -18,7 +18,7 @@ from evergym.discrepancy.screen import Screening, Signature, rank_candidates
 from evergym.discrepancy.select import Score, Split, extend_score, fit_candidates, rank_score, score_fit
 from evergym.discrepancy.verdict import Thresholds, worst_cell
 
-__all__ = ["Choice", "choose_effects"]
+__all__ = ["Choice", "choose_effects", "earns_its_place"]
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.space import Space
 
-__all__ = ["Fit", "compute_jacobian", "evaluate_fit", "fit_space", "solve_step", "whitened_residual"]
+__all__ = ["Fit", "compute_jacobian", "evaluate_fit", "fit_space", "solve_normal", "solve_step", "whitened_residual"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -22,7 +22,7 @@ from evergym.units import DEG, KPA, MM
 if TYPE_CHECKING:
     from evergym.discrepancy.hook import Hook
 
-__all__ = ["Playback", "find_pressure_settling"]
+__all__ = ["Playback", "find_pressure_settling", "make_command"]
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.data.dataset import Dataset, Run
 from evergym.robot import RobotConfig
 
-__all__ = ["Profile", "list_profiles"]
+__all__ = ["Profile", "list_profiles", "to_columns"]
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evergym.discrepancy.data.columns import COMMANDS
+from evergym.discrepancy.data.columns import COMMANDS, RATES
 from evergym.discrepancy.data.dataset import Run
 
-__all__ = ["Step", "find_events", "plan_steps"]
+__all__ = ["REST_FACTOR", "Step", "find_events", "plan_steps"]
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,6 @@ JITTER_RANGE = (2.9, 5.8, 180.0, 4.9, 50.0, 0.02, 0.02, 0.02)
 """Commands of that robot. In a run with less than a quarter of them at the most, or more than four times, the jitter is
 in proportion, but not below a tenth: where nothing much is commanded, noise is all there is. A roll stays a roll."""
 JITTER_SPAN, JITTER_LEAST = 4.0, 0.1
-RATES = [COMMANDS.index("insertion_mm_s"), COMMANDS.index("tail_feed_mm_s")]
 
 
 class Step(NamedTuple):

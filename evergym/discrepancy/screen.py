@@ -18,6 +18,7 @@ __all__ = [
     "Projector",
     "Screening",
     "Signature",
+    "Strength",
     "group_equivalent",
     "rank_candidates",
     "screen_candidates",

@@ -137,8 +137,9 @@ def run_stages(
     return dataclasses.replace(evidence, diagnosis=dataclasses.replace(evidence.diagnosis, remarks=remarks))
 
 
-def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, thresholds: Thresholds, tell: Stage) -> Evidence:
-    begin = time.monotonic()
+def _run_stages(
+    predictor: Predictor, noise: NoiseModel, model: Model, thresholds: Thresholds, tell: _Progress
+) -> Evidence:
     dataset = predictor.dataset
     tell("numerics", 0.01)
     numerics = choose_fidelities(predictor, Setting(model))
@@ -223,7 +224,7 @@ def _run_stages(predictor: Predictor, noise: NoiseModel, model: Model, threshold
         next_experiment=upcoming.describe(NEXT_FILE) if upcoming else None,
         rows_set_aside=dataset.set_aside,
         simulations=predictor.simulations,
-        seconds=time.monotonic() - begin,
+        seconds=time.monotonic() - tell.begin,
         model=dataclasses.replace(corrected, name=f"{model.name}_{'corrected' if is_corrected else 'recalibrated'}"),
         experiments=len(everything.folds),
         remarks=remarks,
@@ -296,6 +297,7 @@ class _Progress:
     """Tells the stages, and between them how the simulations advance: how many a stage takes is not known before."""
 
     def __init__(self, on_stage: Stage | None) -> None:
+        self.begin = time.monotonic()
         self._on_stage = on_stage
         self._what, self._share, self._left = "", 0.0, 0.0
         self._before = self._now = 0

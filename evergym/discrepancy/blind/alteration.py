@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evergym.discrepancy.blind.plan import PlannedRun
 from evergym.simulator import Command, Simulator
 
-__all__ = ["Alteration", "Values"]
+__all__ = ["Alteration", "Array", "Values"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]

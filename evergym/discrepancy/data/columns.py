@@ -44,6 +44,8 @@ COMMANDS = tuple(COLUMNS)[:8]
 """What the drives are told, in the order of `Run.commands`."""
 CHANNELS = tuple(COLUMNS)[8:]
 """What is measured, in the order of `Run.measured`."""
+RATES = [COMMANDS.index("insertion_mm_s"), COMMANDS.index("tail_feed_mm_s")]
+"""Commands that say how fast; the others are set points."""
 KEYS = ("run", "time_s")
 """The columns that say to which run and time a row belongs."""
 ANGLES = ("curvature_1_per_m", "tip_angle_deg", "bending_angle_deg")

@@ -156,7 +156,9 @@ def _check_header(path: Path, line: int, header: Sequence[str]) -> None:
             raise ConfigError(f"{path}, row {line}: the column '{name}' is there twice. Keep one of them.")
     for name in KEYS:
         if name not in header:
-            raise ConfigError(f"{path}, row {line}: the column '{name}' is missing. Every sample needs its run and time.")
+            raise ConfigError(
+                f"{path}, row {line}: the column '{name}' is missing. Every sample needs its run and time."
+            )
 
 
 def _read_column(path: Path, name: str, cells: Sequence[str], numbers: Sequence[int]) -> Array:
