@@ -225,14 +225,14 @@ def _make_starts(axes: Sequence[Axis], amplitude: Sequence[bool], together: Sequ
         (0.0,) if is_amplitude else _shape_starts(axis, signed)
         for axis, is_amplitude in zip(axes, amplitude, strict=True)
     ]
-    # What has a sign has no dead band: one strength shows it.
+    # What has a sign has no dead band: the typical strength shows it, and at four times that, robots snap over.
     once = signed or any(axis.path.endswith(FREQUENCY_END) for axis in axes)
     subsets = [[place] for place in places] or [[]]
     if sum(together) > 1:
         subsets.insert(0, [i for i, is_typical in enumerate(together) if is_typical])
     starts: list[tuple[float, ...]] = []
     for magnitude, subset, shape in itertools.product(
-        MAGNITUDES[:1] if once else MAGNITUDES, subsets, itertools.product(*shapes)
+        (1.0,) if once else MAGNITUDES, subsets, itertools.product(*shapes)
     ):
         z = list(shape)
         for place in subset:

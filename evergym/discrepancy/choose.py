@@ -97,6 +97,11 @@ def choose_effects(
         if pair is not None:
             contenders = sorted([pair, *_swap_first(predictor, base, pair, rivals, split)], key=rank_score)
             best = contenders[0]
+            alone = _drop_first(predictor, base, best, split)
+            if not _predicts_better(alone, best, thresholds):
+                others = [rival for rival in rivals if rival.effects != alone.effects]
+                best, rivals = alone, [alone, *others]
+                contenders = rivals
         while 1 < len(best.effects) < EFFECTS_MAX:
             more = search.find_further(best, thresholds.many_cell_min)
             if more is None:
@@ -228,6 +233,19 @@ def _swap_first(predictor: Predictor, base: Score, pair: Score, rivals: Sequence
     return [extend_score(predictor, rival, second, strength, split) for rival in others[:SWAPPED_MAX]]
 
 
+def _drop_first(predictor: Predictor, base: Score, pair: Score, split: Split) -> Score:
+    """Return the second effect of a pair alone: the first may only have led to it."""
+    second = pair.effects[1]
+    strength = pair.fit.z[pair.fit.space.size - second.size :]
+    return extend_score(predictor, base, second, strength, split, pair.signature)
+
+
+def _predicts_better(before: Score, after: Score, thresholds: Thresholds) -> bool:
+    """Return whether a model predicts left-out experiments better than one with an effect less, by what matters."""
+    gain = 0.5 * (before.validation.total - after.validation.total)
+    return gain >= thresholds.further_gain_min and before.excess - after.excess >= thresholds.further_excess_min
+
+
 def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thresholds) -> bool:
     """Return whether a further effect predicts left-out experiments better by an amount that matters.
 
@@ -237,19 +255,17 @@ def earns_its_place(before: Score, after: Score, split: Split, thresholds: Thres
     its signature: one that gains only with all nominal parameters moved is a shape that happens to fit. So is one whose
     strength is at the limit of its parameter.
     """
-    gain = 0.5 * (before.validation.total - after.validation.total)
     noise = float(split.use.sum())
     fitted_before, fitted_after = (float(np.sum(one.fit.residual[split.use] ** 2)) - noise for one in (before, after))
     foreseen = after.signature.gain if after.signature is not None else 0.0
     halved = after.excess <= thresholds.further_share_max * before.excess
     return (
-        gain >= thresholds.further_gain_min
+        _predicts_better(before, after, thresholds)
         and not after.at_limit
         and (
             halved
             or fitted_after <= max(thresholds.further_rest_max * noise, thresholds.further_left_max * fitted_before)
         )
-        and before.excess - after.excess >= thresholds.further_excess_min
         and fitted_after <= thresholds.further_fit_max * fitted_before
         and foreseen >= thresholds.further_foreseen_min * 0.5 * (fitted_before - fitted_after)
     )

@@ -174,11 +174,28 @@ def fit_candidates(
     return sorted(scores, key=rank_score)
 
 
-def extend_score(predictor: Predictor, score: Score, candidate: Candidate, strength: Array, split: Split) -> Score:
-    """Return the score of a fitted model with one more effect, fitted from a given strength z of it, (m,)."""
-    fit = _begin_fit(predictor, score.fit, candidate, strength, split.use, score.effects[-1].size)
+def extend_score(
+    predictor: Predictor,
+    score: Score,
+    candidate: Candidate,
+    strength: Array,
+    split: Split,
+    signature: Signature | None = None,
+) -> Score:
+    """Return the score of a fitted model with one more effect, fitted from a given strength z of it, (m,).
+
+    Args:
+        predictor: Simulations.
+        score: The model without, perhaps the recalibrated one.
+        candidate: The effect.
+        strength: Where its fit begins.
+        split: Samples that choose.
+        signature: Of the candidate; None: that of the model without.
+    """
+    also = score.effects[-1].size if score.effects else 0
+    fit = _begin_fit(predictor, score.fit, candidate, strength, split.use, also)
     fit = refine(predictor, fit, split.use)
-    return score_fit(predictor, fit, split, (*score.effects, candidate), score.signature, score)
+    return score_fit(predictor, fit, split, (*score.effects, candidate), signature or score.signature, score)
 
 
 def _cost(pair: tuple[Fit, Signature]) -> float:
