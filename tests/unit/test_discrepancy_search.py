@@ -123,3 +123,24 @@ def test_a_line_of_no_compliance_is_made_one_that_can_be_simulated() -> None:
     assert path in remarks[0]
     real = set_values(MODEL, {path: 0.3})
     assert soften_line(real) == (real, ())
+
+
+@pytest.mark.parametrize("name", ["pre_curvature", "wall_pretension", "pressure_ripple", "pressure_bias"])
+def test_what_has_a_sign_or_ripples_is_tried_at_its_typical_strength_only(name: str) -> None:
+    """At four times that, robots snap over, and the signature is of nothing that is there."""
+    candidate = make_candidate(name)
+    places = [i for i, axis in enumerate(candidate.axes) if axis.path in candidate.amplitudes]
+    strengths = {abs(start[place]) for start in candidate.starts for place in places}
+    assert strengths <= {0.0, 1.0}
+
+
+def test_spectra_in_blocks_are_those_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    time = 0.2 * np.arange(150)
+    table = np.full((150, len(CHANNELS)), np.nan)
+    table[:, 0] = np.sin(2.0 * np.pi * 0.31 * time) + 0.3 * np.random.default_rng(5).normal(size=150)
+    dataset = make_dataset([make_run("r", time, table)])
+    measurement = Measurement(dataset, estimate_noise(dataset))
+    everything = np.ones(measurement.size, dtype=bool)
+    whole = find_frequencies(dataset, measurement, measurement.value, everything, 4)
+    monkeypatch.setattr("evergym.discrepancy.periodogram.BLOCK_MAX", 1000)
+    assert find_frequencies(dataset, measurement, measurement.value, everything, 4) == whole
