@@ -44,10 +44,6 @@ class Diagnose:
             raise ConfigError(f"'{self.dataset}' is a file. Give the folder that holds dataset.toml.")
         out = self.dataset / "diagnosis" if self.out is None else self.out
         _check_folder(out)
-        if (out / "dataset.toml").exists():
-            raise ConfigError(f"'{out}' holds measured data, which results must not mix with. Choose another --out.")
-        if (out / "model.toml").exists() and (out / "model.toml").resolve() == Path(self.model).resolve():
-            raise ConfigError(f"The result would overwrite the model '{self.model}'. Choose another --out.")
         with ProgressReport("Diagnosis", UNITS, unit="parts") as progress:
             diagnosis = diagnose(
                 self.dataset,

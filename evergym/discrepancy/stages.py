@@ -81,8 +81,11 @@ def diagnose(
         on_stage: Told what is being done, and the share done.
 
     Raises:
-        ConfigError: bad data or a bad model; nothing is written then.
+        ConfigError: bad data, a bad model, or a folder whose data or model would be overwritten; nothing is written
+            then.
     """
+    if out is not None:
+        _refuse_overwriting(Path(out), model_path)
     model = load_model(model_path)
     dataset = load_dataset(dataset_path, model.robot)
     user = load_user_effects(effects_file) if effects_file is not None else ()
@@ -90,6 +93,13 @@ def diagnose(
     if out is not None:
         write_results(evidence, Path(out))
     return evidence.diagnosis
+
+
+def _refuse_overwriting(out: Path, model_path: str | Path) -> None:
+    if (out / "dataset.toml").exists():
+        raise ConfigError(f"'{out}' holds measured data, which results must not mix with. Choose another folder.")
+    if (out / "model.toml").exists() and (out / "model.toml").resolve() == Path(model_path).resolve():
+        raise ConfigError(f"The result would overwrite the model '{model_path}'. Choose another folder.")
 
 
 def write_results(evidence: Evidence, out: Path) -> None:
