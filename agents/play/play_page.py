@@ -203,7 +203,9 @@ class PlayPage:
         # Timed here: when it is answered depends on how busy the simulator is.
         self._player.post(partial(self._player.press, drive, direction, time.monotonic()))
 
-    def _on_slider(self, drive: DriveName, event: Any) -> None:
+    async def _on_slider(self, drive: DriveName, event: Any) -> None:
+        # A coroutine is run where the message is received; a function would be run by another thread, later, when the
+        # page may have put the slider back to where the drive still is.
         if event.client_id is None:
             return  # the page itself has moved it, to where the drive is
         value = float(event.target.value) * Hand.unit(drive)[1]

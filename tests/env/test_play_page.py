@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -316,3 +319,32 @@ def test_the_pin_of_the_target_leaves_the_duct() -> None:
     assert np.min(np.linalg.norm(line.position - head, axis=1) - line.radius) >= PIN_CLEARANCE
     below = np.min(np.linalg.norm(line.position - (head - (0.0, 1.0 * MM, 0.0)), axis=1) - line.radius)
     assert below < PIN_CLEARANCE  # and no further than it has to
+
+
+def test_a_moved_slider_is_taken_though_the_page_is_drawn_before_it_is_answered(player: Player) -> None:
+    from viser._messages import GuiUpdateMessage
+
+    from evergym.agents.play.play_page import PlayPage
+    from evergym.agents.play.server import start_server, stop_server
+
+    server = start_server("127.0.0.1", 0, "test")
+    try:
+        page = PlayPage(server, player)
+        slider = page._sliders[DriveName.INSERTION]
+        server._connected_clients[0] = cast(Any, object())
+        free, threads = threading.Event(), ThreadPoolExecutor(1)
+        threads.submit(free.wait)  # as on a busy machine, where callbacks wait for a thread
+        server.gui._thread_executor = threads
+        asyncio.run(server.gui._handle_gui_updates(0, GuiUpdateMessage(slider._impl.uuid, {"value": slider.max})))
+        del server._connected_clients[0]
+        page.draw()
+        free.set()
+        threads.shutdown(wait=True)
+        player.answer()
+        assert player.mode is Mode.RUNNING
+        assert player.session.hand.value[DriveName.INSERTION] == player.session.hand.range(DriveName.INSERTION)[1]
+        page.draw()
+        assert slider.value == slider.max
+        page.close()
+    finally:
+        stop_server(server)
