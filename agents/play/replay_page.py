@@ -112,7 +112,7 @@ class ReplayPage:
         self._gone.on_update(self._on_slider)
         self._place_number = reel.place_number
 
-    def _on_slider(self, event: Any) -> None:
+    async def _on_slider(self, event: Any) -> None:  # as in PlayPage: read before the page puts it back
         if event.client_id is not None:
             self._reel.post(partial(self._reel.seek, float(event.target.value)))
 
