@@ -172,13 +172,13 @@ def approach_samples(predictor: Predictor, measurement: Measurement, fit: Fit) -
 
     Args:
         predictor: Simulations.
-        measurement: The samples that ``fit`` was fitted to.
-        fit: The recalibrated model.
+        measurement: The samples as the map is to show them.
+        fit: The recalibrated model, fitted to the predictor's measurement.
     """
-    kept = predictor.measurement
+    fitted = predictor.measurement
     predictor.measurement = measurement.as_independent()
     try:
-        jacobian = predictor.measurement.whiten(measurement.restore(fit.jacobian))
+        jacobian = predictor.measurement.whiten(fitted.restore(fit.jacobian))
         return fit_space(predictor, fit.space, fit.z, None, jacobian, [], MAP_ITERATIONS).prediction
     finally:
-        predictor.measurement = kept
+        predictor.measurement = fitted

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evergym.discrepancy.calibrate import refine
-from evergym.discrepancy.fit import Fit, evaluate_fit
+from evergym.discrepancy.fit import Fit, evaluate_fit, fit_space
 from evergym.discrepancy.locate import Cell
 from evergym.discrepancy.numerics_check import measure_spread
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.screen import Screening, Signature, rank_candidates
 from evergym.discrepancy.select import Score, Split, extend_score, fit_candidates, rank_score, score_fit
-from evergym.discrepancy.verdict import Thresholds, worst_cell
+from evergym.discrepancy.verdict import Thresholds, is_strained, worst_cell
 
 __all__ = ["Choice", "choose_effects", "earns_its_place"]
 
@@ -31,6 +31,8 @@ EFFECTS_MAX = 3
 GAIN_MIN = 1.0
 """Signatures that promise less (in half chi-squares) are not fitted."""
 
+FIRSTS_MAX = 2
+"""First effects beside which a further one is looked for: the second one, where it does as well alone."""
 SWAPPED_MAX = 3
 """First effects that are tried in place of the best one, once there is a second."""
 
@@ -54,12 +56,15 @@ class Choice:
         best: The model with no, one or several effects.
         rivals: Models with one effect, the best first.
         contenders: Models with as many effects as the best one.
+        by_strain: Whether an effect can only be told by what it takes off the strain of the recalibrated model, which
+            agrees, but with nominal parameters that are far from where they were.
     """
 
     base: Score
     best: Score
     rivals: tuple[Score, ...]
     contenders: tuple[Score, ...]
+    by_strain: bool = False
 
 
 def choose_effects(
@@ -87,27 +92,53 @@ def choose_effects(
     rivals = _fit_promising(predictor, base, signatures, split, FITTED_MAX)
     if not rivals:
         return Choice(base, base, (), ())
+    base = _recalibrate_from(predictor, base, rivals[0], split)
+    cells = draw_map(base)
+    if worst_cell(cells) < thresholds.cell_min:
+        fitted = tuple(sorted(rivals, key=_rank_cost))
+        return Choice(base, fitted[0], fitted, fitted, is_strained(base, cells, thresholds))
     screened = predictor.measurement
     if worst_cell(draw_map(rivals[0])) >= thresholds.rest_cell_min:
         base, rivals = _recheck_numerics(predictor, base, rivals, split)
     best, contenders = rivals[0], rivals
-    if worst_cell(draw_map(best)) >= thresholds.rest_cell_min:
-        search = _Search(predictor, base, screenings, screened, split, thresholds, draw_map)
+    search = _Search(predictor, base, screenings, screened, split, thresholds, draw_map)
+    for _ in range(FIRSTS_MAX):
+        if worst_cell(draw_map(best)) < thresholds.rest_cell_min:
+            break
         pair = search.find_further(best, thresholds.rest_cell_min)
-        if pair is not None:
-            contenders = sorted([pair, *_swap_first(predictor, base, pair, rivals, split)], key=rank_score)
-            best = contenders[0]
-            alone = _drop_first(predictor, base, best, split)
-            if not _predicts_better(alone, best, thresholds):
-                others = [rival for rival in rivals if rival.effects != alone.effects]
-                best, rivals = alone, [alone, *others]
-                contenders = rivals
-        while 1 < len(best.effects) < EFFECTS_MAX:
-            more = search.find_further(best, thresholds.many_cell_min)
-            if more is None:
-                break
-            best, contenders = more, [more]
+        if pair is None:
+            break
+        contenders = sorted([pair, *_swap_first(predictor, base, pair, rivals, split)], key=rank_score)
+        best = contenders[0]
+        alone = _drop_first(predictor, base, best, split)
+        if _predicts_better(alone, best, thresholds):
+            break
+        rivals = [alone, *(rival for rival in rivals if rival.effects != alone.effects)]
+        best, contenders = alone, rivals
+    while 1 < len(best.effects) < EFFECTS_MAX:
+        more = search.find_further(best, thresholds.many_cell_min)
+        if more is None:
+            break
+        best, contenders = more, [more]
     return Choice(base, best, tuple(rivals), tuple(contenders))
+
+
+def _rank_cost(score: Score) -> float:
+    return score.fit.cost
+
+
+def _recalibrate_from(predictor: Predictor, base: Score, rival: Score, split: Split) -> Score:
+    """Return the recalibrated model, fitted anew from where a rival has left the nominal parameters if that is better.
+
+    Where growth stalls, a fit may end in a valley that an effect of hardly any strength leads out of. What is gained by
+    having been led there is not that effect's.
+    """
+    size = base.fit.space.size
+    start, jacobian = rival.fit.z[:size], rival.fit.jacobian[:, :size]
+    fit = fit_space(predictor, base.fit.space, start, split.use, jacobian, [])
+    if fit.cost > base.fit.cost - GAIN_MIN:
+        return base
+    return score_fit(predictor, refine(predictor, fit, split.use), split)
 
 
 def _recheck_numerics(

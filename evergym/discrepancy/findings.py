@@ -11,11 +11,13 @@ from evergym.discrepancy.interval import Interval, estimate_intervals
 from evergym.discrepancy.screen import Signature
 from evergym.discrepancy.select import Score
 from evergym.discrepancy.verdict import (
+    STRAINED_CONFIDENCE,
     NamedEffect,
     Thresholds,
     estimate_confidence,
     explained_share,
     find_equivalents,
+    relieved_share,
 )
 
 __all__ = ["describe_effects", "list_candidates"]
@@ -28,12 +30,15 @@ def describe_effects(
     names: list[NamedEffect] = []
     parameters: dict[str, list[Interval]] = {}
     chosen = choice.best
-    share = explained_share(base, chosen)
+    measure = relieved_share if choice.by_strain else explained_share
+    share = measure(base, chosen)
     for position, effect in enumerate(chosen.effects):
         alone = next((rival for rival in choice.rivals if rival.effects == (effect,)), None)
-        own = share if len(chosen.effects) == 1 or alone is None else explained_share(base, alone)
+        own = share if len(chosen.effects) == 1 or alone is None else measure(base, alone)
         equivalents = find_equivalents(chosen, position, choice.contenders, classes, thresholds)
         confidence = estimate_confidence(share, chosen, position, choice.contenders)
+        if choice.by_strain:
+            confidence = STRAINED_CONFIDENCE
         names.append(NamedEffect(effect.name, confidence, own, equivalents))
         paths = {axis.path for axis in effect.axes}
         first = min((i for i, axis in enumerate(final.fit.space.axes) if axis.path in paths), default=None)
@@ -47,11 +52,12 @@ def list_candidates(
     base: Score,
     candidates: Sequence[Candidate],
     signatures: Sequence[Signature],
-    rivals: Sequence[Score],
+    choice: Choice,
     excited: Sequence[str],
 ) -> list[CandidateRow]:
     """Return what became of every candidate, the best first."""
-    fitted = {rival.effects[0].name: rival for rival in rivals}
+    measure = relieved_share if choice.by_strain else explained_share
+    fitted = {rival.effects[0].name: rival for rival in choice.rivals}
     seen = {signature.candidate.name: signature for signature in signatures}
     rows = []
     for candidate in candidates:
@@ -59,7 +65,7 @@ def list_candidates(
         size, kept = (signature.size, signature.kept) if signature else (0.0, 0.0)
         share, values = None, {}
         if rival is not None:
-            share = explained_share(base, rival)
+            share = measure(base, rival)
             paths = {axis.path for axis in candidate.axes}
             found = rival.fit.space.values(rival.fit.z)
             values = {path.rpartition(".")[2]: float(found[path]) for path in paths}  # type: ignore[arg-type]

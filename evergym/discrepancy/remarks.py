@@ -13,7 +13,7 @@ from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.noise import NoiseModel
 from evergym.discrepancy.residual import Measurement
 
-__all__ = ["remark_failures", "remark_limits", "remark_own_effects", "remark_scatter"]
+__all__ = ["remark_failures", "remark_limits", "remark_own_effects", "remark_scatter", "remark_strain"]
 
 Array = NDArray[np.float64]
 
@@ -88,6 +88,22 @@ def remark_limits(calibration: Sequence[ParameterEstimate]) -> list[str]:
         return []
     taken = f"recalibration took {', '.join(names)} to a limit (three tolerances, or the end of its range)"
     return [f"{taken}: measure them, or doubt the values found for them"]
+
+
+def remark_strain(recalibrated: Sequence[ParameterEstimate]) -> list[str]:
+    """Return that the recalibrated model agrees as well, and what it takes for that.
+
+    Args:
+        recalibrated: Nominal parameters of the model without an effect, which agrees.
+    """
+    far = sorted(recalibrated, key=_count_tolerances, reverse=True)[:3]
+    moves = ", ".join(f"{one.path} by {_count_tolerances(one):.1f} tolerances" for one in far)
+    agrees = f"without the effect the recalibrated model agrees with these runs, too, but it takes {moves}"
+    return [f"{agrees}: measure these parameters, and the name is confirmed or refuted"]
+
+
+def _count_tolerances(estimate: ParameterEstimate) -> float:
+    return abs(estimate.estimate - estimate.nominal) / estimate.tolerance
 
 
 def remark_own_effects(named: Sequence[str], own: Collection[str]) -> list[str]:

@@ -79,6 +79,12 @@ class Score:
         return " + ".join(effect.name for effect in self.effects) or "recalibrated model"
 
     @property
+    def strain(self) -> float:
+        """How far the nominal parameters are from their values as given: half the sum of squares, in tolerances."""
+        count = self.fit.space.size - sum(effect.size for effect in self.effects)
+        return 0.5 * float(self.fit.space.prior_precision[:count] @ self.fit.z[:count] ** 2)
+
+    @property
     def at_limit(self) -> bool:
         """Whether a strength has gone as far as its parameter can: it stands in for something that goes farther."""
         low, high = self.fit.space.limits

@@ -36,14 +36,20 @@ from evergym.discrepancy.noise import NoiseModel, estimate_noise
 from evergym.discrepancy.numerics_check import choose_fidelities
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.profiles import list_profiles, to_columns
-from evergym.discrepancy.remarks import remark_failures, remark_limits, remark_own_effects, remark_scatter
+from evergym.discrepancy.remarks import (
+    remark_failures,
+    remark_limits,
+    remark_own_effects,
+    remark_scatter,
+    remark_strain,
+)
 from evergym.discrepancy.report import write_report
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.screen import group_equivalent, rank_candidates, screen_candidates
 from evergym.discrepancy.select import Score, Split, score_fit
 from evergym.discrepancy.setting import Setting
 from evergym.discrepancy.typical import find_faint, measure_rig, scale_candidates
-from evergym.discrepancy.verdict import NamedEffect, Thresholds, Verdict, decide, is_excited, worst_cell
+from evergym.discrepancy.verdict import NamedEffect, Thresholds, Verdict, decide, is_excited, is_strained, worst_cell
 from evergym.errors import ConfigError
 from evergym.model import Model, load_model, save_model
 
@@ -183,7 +189,7 @@ def _run_stages(
     tell("fits", 0.5)
     choice = Choice(base, base, (), ())
     known = measurement
-    if worst_cell(cells) >= thresholds.cell_min:
+    if worst_cell(cells) >= thresholds.cell_min or is_strained(base, cells, thresholds):
         choice = choose_effects(predictor, base, signatures, screenings, split, thresholds, draw_map)
         base, measurement = choice.base, predictor.measurement
         cells = draw_map(base)
@@ -197,7 +203,7 @@ def _run_stages(
     everything = Split(np.ones(measurement.size, dtype=bool), tuple(range(len(measurement.experiments))), ())
     final = score_fit(predictor, refine(predictor, chosen.fit, everything.use), everything, chosen.effects)
     # The verdict was reached without the held-out runs; the map that is shown is of all.
-    nearest = approach_samples(predictor, known, calibration.fit)
+    nearest = approach_samples(predictor, known, base.fit)
     where = map_disagreement(dataset, known, nearest, space.size, everything.use)
     where_after = draw_map(final, everything.use) if chosen.effects else where
     effects, parameters = describe_effects(base, choice, final, classes, thresholds)
@@ -207,7 +213,7 @@ def _run_stages(
     gap = measure_gap(dataset, known, held_out, *predictions) if held_out.any() else None
 
     tell("next experiment", 0.92)
-    rows = list_candidates(base, candidates, signatures, choice.rivals, excited)
+    rows = list_candidates(base, candidates, signatures, choice, excited)
     upcoming = plan_next(predictor, noise, model, choice, effects)
     # A model file can hold none of the user's own effects: where there is no other, it is the recalibrated model.
     is_corrected = any(effect.name not in predictor.user_effects for effect in effects)
@@ -218,6 +224,7 @@ def _run_stages(
         *remark_failures(dataset, measurement, final.fit.prediction, predictor.failures),
         *remark_scatter(dataset, measurement, noise, final.fit.prediction),
         *remark_limits(calibrated),
+        *(remark_strain(calibration.estimates(base.fit)) if choice.by_strain and effects else ()),
         *remark_own_effects([effect.name for effect in effects], predictor.user_effects),
     )
     diagnosis = Diagnosis(

@@ -22,6 +22,8 @@ __all__ = [
     "explained_share",
     "find_equivalents",
     "is_excited",
+    "is_strained",
+    "relieved_share",
     "worst_cell",
 ]
 
@@ -29,6 +31,8 @@ Array = NDArray[np.float64]
 
 ALONE_MAX = 0.5
 """Greatest confidence that a single experiment supports: nothing could be left out of the fit (prior)."""
+STRAINED_CONFIDENCE = 0.5
+"""Of a name that only the tolerances of the nominal parameters speak for (prior)."""
 REST_DOUBT_MAX = 3.0
 """Of the logit of a confidence: what remains speaks against a name, but where the noise is tiny, something always
 remains."""
@@ -69,6 +73,9 @@ class Thresholds:
         further_fit_max: Share of what the first effect leaves over in its own fit that a further one may leave.
         further_excess_min: Excess [sigma^2] that a further effect must take away.
         further_foreseen_min: Share of what a further effect gains in its fit that its signature must have promised.
+        strain_min: Strain of the recalibrated model above which its agreement is doubted: an effect may be hidden in
+            nominal parameters that have gone several tolerances to make up for it.
+        strain_left_max: Share of the strain that such an effect may leave.
         kept_min: Share of a signature that recalibration must leave over for the effect to be identifiable.
         size_min: Norm of what recalibration leaves over of the typical signature [sigma], for an effect to count as
             excited.
@@ -91,6 +98,8 @@ class Thresholds:
     further_fit_max: float = 0.5
     further_excess_min: float = 0.25
     further_foreseen_min: float = 0.08
+    strain_min: float = 6.0
+    strain_left_max: float = 0.5
     kept_min: float = 0.1
     size_min: float = 6.0
 
@@ -110,6 +119,22 @@ def explained_share(before: Score, after: Score) -> float:
     if before.excess <= 0.0:
         return 0.0
     return float(np.clip(1.0 - after.excess / before.excess, 0.0, 1.0))
+
+
+def relieved_share(before: Score, after: Score) -> float:
+    """Return the share of the recalibrated model's strain that an effect takes away."""
+    return float(np.clip(1.0 - after.strain / before.strain, 0.0, 1.0)) if before.strain > 0.0 else 0.0
+
+
+def is_strained(base: Score, cells: Sequence[Cell], thresholds: Thresholds) -> bool:
+    """Return whether a recalibrated model agrees only since its nominal parameters are far from where they were.
+
+    Args:
+        base: The recalibrated model.
+        cells: Its map of disagreement.
+        thresholds: Limits.
+    """
+    return worst_cell(cells) < thresholds.cell_min and base.strain >= thresholds.strain_min
 
 
 def worst_cell(cells: Sequence[Cell]) -> float:
@@ -180,6 +205,8 @@ def decide(
         thresholds: Limits.
     """
     if worst_cell(cells_before) < thresholds.cell_min:
+        if best is not None and best.effects and _is_relief(base, best, cells_before, thresholds):
+            return Verdict.EFFECT
         return Verdict.NO_EFFECT if excited else Verdict.INSUFFICIENT_DATA
     if best is None or not best.effects:
         return Verdict.UNKNOWN_EFFECT
@@ -194,6 +221,16 @@ def decide(
     if rest >= thresholds.rest_cell_min:
         return Verdict.EFFECT_AND_UNKNOWN_REST
     return Verdict.EFFECT
+
+
+def _is_relief(base: Score, best: Score, cells: Sequence[Cell], thresholds: Thresholds) -> bool:
+    """Whether an effect lets the nominal parameters of a strained model go back, and fits better for it."""
+    return (
+        is_strained(base, cells, thresholds)
+        and base.fit.cost - best.fit.cost >= thresholds.gain_min
+        and relieved_share(base, best) >= 1.0 - thresholds.strain_left_max
+        and not best.at_limit
+    )
 
 
 def estimate_confidence(share: float, best: Score, position: int, contenders: Sequence[Score]) -> float:
