@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
 
 import numba
+from filelock import FileLock
 from numba.typed import List as TypedList
 
 from evergym.cache import find_kernel_folder
@@ -44,6 +46,23 @@ def _compile(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     previous = config.CACHE_DIR
     config.CACHE_DIR = str(folder) if folder is not None else previous
     try:
-        return numba.njit(**settings)(function)
+        kernel: Any = numba.njit(**settings)(function)
     finally:
         config.CACHE_DIR = previous
+    if settings["cache"] and folder is not None and hasattr(kernel, "_cache"):  # not with the jit switched off
+        kernel._cache.save_overload = _save_alone(kernel._cache.save_overload, folder)
+    return kernel
+
+
+def _save_alone(save: Callable[P, R], folder: Path) -> Callable[P, R]:
+    """Let one process at a time save into a cache folder.
+
+    numba reads a function's index, adds a line and writes it back: of two processes that do so at once, one may end up
+    with its index pointing to the other's machine code, made for other arguments.
+    """
+
+    def save_locked(*arguments: P.args, **named: P.kwargs) -> R:
+        with FileLock(folder / "saving.lock"):
+            return save(*arguments, **named)
+
+    return save_locked

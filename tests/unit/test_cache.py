@@ -99,6 +99,27 @@ def test_an_edit_below_a_kernel_recompiles_it(package: Path, file: str, old: str
     assert call(package) == [value, "0"]
 
 
+def test_kernels_are_saved_by_one_process_at_a_time(package: Path) -> None:
+    """numba's index has no lock: of two that write it at once, one would load the other's machine code later."""
+    watch = """
+from pathlib import Path
+from filelock import FileLock, Timeout
+from numba.core.caching import IndexDataCacheFile
+save = IndexDataCacheFile.save
+def watched(self, key, data):
+    lock = Path(self._cache_path).parent / "saving.lock"
+    try:
+        with FileLock(lock, timeout=0):
+            print("free")
+    except Timeout:
+        print("locked")
+    save(self, key, data)
+IndexDataCacheFile.save = watched
+"""
+    assert run(f"{watch}\n{IMPORT}\napply(10.0); apply(10)", package) == ["locked", "locked"]
+    assert run(f"{watch}\n{IMPORT}\napply(10.0); apply(10)", package) == []
+
+
 def test_the_users_cache_folder_is_used(package: Path) -> None:
     chosen = package.parent / "chosen"
     (used,) = run(f"{IMPORT}; print(apply.stats.cache_path)", package, NUMBA_CACHE_DIR=str(chosen))
