@@ -8,6 +8,7 @@ from pathlib import Path
 from evergym.agents.effect_pages import compose_effect_pages
 from evergym.agents.env_pages import compose_env_pages
 from evergym.errors import RunError
+from evergym.whole_file import write_whole
 
 __all__ = ["GENERATED", "compose_generated_pages", "find_stale_pages", "write_generated_pages"]
 
@@ -42,9 +43,7 @@ def write_generated_pages(docs: Path) -> int:
         for name, text in pages.items():
             path = docs / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            part = path.with_name(f".{path.name}.part")
-            part.write_text(text, encoding="utf-8")
-            part.replace(path)
+            write_whole(path, text)
     except OSError as error:
         raise RunError(
             f"The pages cannot be written into '{docs}': {error.strerror}. Choose another folder."

@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from evergym.discrepancy.data.dataset import Run
-from evergym.discrepancy.data.export import add_noise, format_csv, write_dataset, write_whole
+from evergym.discrepancy.data.export import add_noise, format_csv, write_dataset, write_table
 from evergym.discrepancy.data.record import Recorder
 from evergym.duct_models.commands import write_duct
 from evergym.duct_models.duct import Duct
@@ -116,7 +116,7 @@ def _write_scene(folder: Path, scene: Any, number: int) -> tuple[str, str]:
         rows = [
             [repr(float(peg[0] / MM)), repr(float(peg[2] / MM)), repr(float(2.0 * peg[6] / MM))] for peg in scene.pegs
         ]
-        write_whole(file, format_csv(["x_mm", "z_mm", "diameter_mm"], rows))
+        write_table(file, format_csv(["x_mm", "z_mm", "diameter_mm"], rows))
         return f"pegs:{file.name}", scene.name
     if isinstance(scene, Duct):
         path = write_duct(scene, folder, overwrite=True)

@@ -32,6 +32,7 @@ from evergym.agents.run_folder import RunFolder, collect_versions
 from evergym.agents.settings import parse_options
 from evergym.agents.statistics import Estimate
 from evergym.agents.summary import METRICS, ArmSummary, PairSummary, SplitSummary, Summary
+from evergym.whole_file import write_whole
 
 __all__ = ["Report", "print_table", "write_report"]
 
@@ -108,9 +109,7 @@ def write_report(folder: Path, *, pictures: bool = True) -> Path:
         versions=collect_versions(),
     )
     target = folder / "report.html"
-    temporary = target.with_name(".report.html.partial")
-    temporary.write_text(html, encoding="utf-8")
-    temporary.replace(target)
+    write_whole(target, html)
     return target
 
 

@@ -18,6 +18,7 @@ from rich.console import Console
 
 from evergym.agents.deployments import DUCT, PEGS, Deployment, deploy
 from evergym.agents.progress import format_duration
+from evergym.whole_file import write_whole
 
 __all__ = ["Scenario", "describe", "make_json", "write_deployment"]
 
@@ -108,16 +109,10 @@ def describe(deployment: Deployment) -> list[str]:
 def write_deployment(folder: Path, deployment: Deployment, frames: Sequence[Frame], *, model: str) -> None:
     """Write scenario.json, trace.csv, trace.png and pictures.png into a folder, which is made if need be."""
     folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / "scenario.json", json.dumps(make_json(deployment, model=model), indent=2).encode())
-    _write(folder / "trace.csv", pd.DataFrame(deployment.trace).to_csv(index=False).encode())
-    _write(folder / "trace.png", _draw_trace(deployment))
-    _write(folder / "pictures.png", _draw_pictures(deployment, frames))
-
-
-def _write(path: Path, content: bytes) -> None:
-    temporary = path.with_name(f".{path.name}.partial")
-    temporary.write_bytes(content)
-    temporary.replace(path)
+    write_whole(folder / "scenario.json", json.dumps(make_json(deployment, model=model), indent=2).encode())
+    write_whole(folder / "trace.csv", pd.DataFrame(deployment.trace).to_csv(index=False).encode())
+    write_whole(folder / "trace.png", _draw_trace(deployment))
+    write_whole(folder / "pictures.png", _draw_pictures(deployment, frames))
 
 
 def _draw_trace(deployment: Deployment) -> bytes:

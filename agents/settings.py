@@ -15,6 +15,7 @@ import tomli_w
 
 from evergym.agents.suggest import suggest
 from evergym.errors import ConfigError
+from evergym.whole_file import write_whole
 
 __all__ = [
     "Algorithm",
@@ -237,9 +238,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str) -> T:
 
 def write_settings(settings: Any, path: Path) -> None:
     """Write a settings dataclass as TOML, atomically; keys that are None are left out."""
-    temporary = path.with_name(f".{path.name}.partial")
-    temporary.write_text(tomli_w.dumps(_to_plain(settings)), encoding="utf-8")
-    temporary.replace(path)  # whole or not at all, even if killed here
+    write_whole(path, tomli_w.dumps(_to_plain(settings)))
 
 
 def read_settings(kind: type[T], path: Path) -> T:

@@ -20,6 +20,7 @@ from evergym.agents.statistics import (
     resample_iqm,
     resample_mean,
 )
+from evergym.whole_file import write_whole
 
 __all__ = ["METRICS", "ArmSummary", "Metric", "PairSummary", "SplitSummary", "Summary", "summarise", "write_summary"]
 
@@ -152,9 +153,7 @@ def _value(record: EpisodeRecord, metric: Metric) -> float:
 
 def write_summary(summary: Summary, path: Path) -> None:
     """Write a summary as JSON, atomically; NaN becomes null."""
-    temporary = path.with_name(f".{path.name}.partial")
-    temporary.write_text(json.dumps(_to_plain(summary), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    temporary.replace(path)
+    write_whole(path, json.dumps(_to_plain(summary), indent=2, allow_nan=False) + "\n")
 
 
 def _to_plain(value: Any) -> Any:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import tempfile
 import zipfile
 from collections.abc import Callable
 from functools import cache
@@ -24,6 +23,7 @@ from evergym.cache import compute_source_digest
 from evergym.duct_models.centreline import Centreline
 from evergym.duct_models.field import WallField
 from evergym.duct_models.field_build import build_wall_field
+from evergym.whole_file import whole_file
 
 __all__ = ["find_duct_cache", "load_or_build_field", "load_or_build_mesh"]
 
@@ -100,18 +100,11 @@ def _read(path: Path, keys: tuple[str, ...]) -> Arrays | None:
 
 
 def _write(path: Path, data: Arrays) -> None:
-    """Write beside the final name and move there, so that no process ever reads half a file."""
-    temporary: str | None = None
-    try:
+    """Write a file whole, so that no process ever reads half of it; where it cannot be written, there is none."""
+    with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.stem, suffix=".part")
-        with os.fdopen(handle, "wb") as file:
+        with whole_file(path) as draft, draft.open("wb") as file:
             np.savez(file, **data)  # type: ignore[arg-type]  # the stub takes the names for options
-        Path(temporary).replace(path)
-    except OSError:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                Path(temporary).unlink()
 
 
 def _hash(source: str, *arrays: NDArray[np.generic]) -> str:

@@ -15,6 +15,7 @@ from evergym.lattice import FIBRE_COUNT_MAX, build_catheter_bundle, build_proxim
 from evergym.robot import RobotConfig
 from evergym.state import NumericsParameters, RobotParameters
 from evergym.units import GRAM, MM, UM
+from evergym.whole_file import write_whole
 
 __all__ = [
     "MODEL_NAMES",
@@ -115,8 +116,8 @@ def check_model(model: Model, where: str) -> Model:
 
 
 def save_model(model: Model, path: Path) -> None:
-    """Write a model file that `load_model` reads back."""
-    path.write_text(dump_toml(model), encoding="utf-8")
+    """Write a model file that `load_model` reads back, whole or not at all."""
+    write_whole(path, dump_toml(model))
 
 
 def compile_robot(model: Model, numerics: Numerics, setup: str) -> RobotParameters:

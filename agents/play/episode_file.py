@@ -10,7 +10,6 @@ import contextlib
 import dataclasses
 import io
 import json
-import os
 import tempfile
 import zipfile
 from pathlib import Path
@@ -28,6 +27,7 @@ from evergym.duct_models.pegs import PegField
 from evergym.envs.rendering.pose import Pose
 from evergym.errors import EvergymError, RunError
 from evergym.simulator import Contacts, Shape
+from evergym.whole_file import write_whole
 
 __all__ = ["SUFFIX", "check_folder", "find_episodes", "read_episode", "write_episode"]
 
@@ -81,13 +81,10 @@ def write_episode(episode: Episode, path: Path) -> Path:
     arrays.update(_pack_frames(episode.frames))
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(buffer.getvalue())
-        partial.replace(path)
+        write_whole(path, buffer.getvalue())
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise RunError(f"The episode cannot be written to '{path}': {error.strerror}.") from None
     return path
 

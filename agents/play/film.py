@@ -16,6 +16,7 @@ from evergym.agents.play.readout import END_TEXT
 from evergym.envs.rendering.endoscope import EndoscopeView
 from evergym.envs.rendering.outside import OutsideView
 from evergym.errors import ConfigError, RunError
+from evergym.whole_file import whole_file
 
 __all__ = ["Camera", "find_empty_corner", "write_film", "write_picture"]
 
@@ -161,13 +162,10 @@ def write_film(
 
 
 def _write_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Let ``write`` write a file under a hidden name with the same ending, then give it its own."""
-    partial = path.with_name(f".partial-{path.name}")
+    """Let ``write`` write a file, whole or not at all."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write(partial)
-        partial.replace(path)
+        with whole_file(path) as draft:
+            write(draft)
     except (OSError, ValueError, KeyError) as error:
         raise RunError(f"'{path}' cannot be written: {error}.") from None
-    finally:
-        partial.unlink(missing_ok=True)

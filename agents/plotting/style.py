@@ -13,6 +13,7 @@ from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
 
 from evergym.agents.plotting.target import check_target
+from evergym.whole_file import whole_file
 
 __all__ = ["COLOURS", "FULL_WIDTH_MM", "SINGLE_WIDTH_MM", "make_shades", "write_figure"]
 
@@ -94,10 +95,6 @@ def write_figure(
         # Without a date the same input gives the same file.
         metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f".{path.name}.partial")
-        try:
-            figure.savefig(partial, format=kind, dpi=300, metadata=metadata)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        with whole_file(path) as draft:
+            figure.savefig(draft, format=kind, dpi=300, metadata=metadata)
     return path

@@ -15,6 +15,7 @@ from evergym.discrepancy.interval import Interval
 from evergym.discrepancy.locate import SIGNIFICANCE, Cell
 from evergym.discrepancy.verdict import NamedEffect, Verdict
 from evergym.model import Model
+from evergym.whole_file import write_whole
 
 __all__ = ["CandidateRow", "Diagnosis", "write_json"]
 
@@ -180,10 +181,7 @@ class Diagnosis:
 
 def write_json(diagnosis: Diagnosis, path: Path) -> None:
     """Write ``diagnosis.json``, whole or not at all."""
-    text = json.dumps(_clean(diagnosis.to_mapping()), indent=2, ensure_ascii=False) + "\n"
-    draft = path.with_name(path.name + ".part")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)
+    write_whole(path, json.dumps(_clean(diagnosis.to_mapping()), indent=2, ensure_ascii=False) + "\n")
 
 
 def _unit_suffix(channel: str) -> str:

@@ -17,6 +17,7 @@ from evergym.discrepancy.words import (
     describe_verdict,
     describe_where,
 )
+from evergym.whole_file import write_whole
 
 __all__ = ["write_report"]
 
@@ -28,10 +29,7 @@ def write_report(evidence: Evidence, path: Path) -> None:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("evergym.discrepancy"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    text = environment.get_template("diagnosis.html").render(**_collect(evidence))
-    draft = path.with_name(path.name + ".part")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)
+    write_whole(path, environment.get_template("diagnosis.html").render(**_collect(evidence)))
 
 
 def _collect(evidence: Evidence) -> dict[str, object]:

@@ -15,6 +15,7 @@ from evergym.experiments.figures import FIGURES, draw_figure, draw_load_parts
 from evergym.experiments.parameter_sets import Column
 from evergym.experiments.provenance import ParameterRecord
 from evergym.experiments.residuals import ResidualStructure, analyse_residual
+from evergym.whole_file import write_whole
 
 __all__ = ["Miss", "find_misses", "format_error", "make_table", "write_report"]
 
@@ -141,9 +142,7 @@ def write_report(
     )
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / "report.html"
-    temporary = target.with_name(".report.html.partial")
-    temporary.write_text(html, encoding="utf-8")
-    temporary.replace(target)
+    write_whole(target, html)
     return target
 
 

@@ -19,6 +19,7 @@ LAYERS = {
     "evergym.cache": 0,
     "evergym.config": 0,
     "evergym.jit": 0,
+    "evergym.whole_file": 0,
     "evergym.duct_models": 1,
     "evergym": 2,
     "evergym.discrepancy.data": 3,

@@ -93,7 +93,7 @@ def test_the_laws_of_growth_exclude_each_other() -> None:
 def test_a_finished_fit_is_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     task = Task("small", load_model("mammobot_2023"), TWO[:1], (Selection("fig6_toward", (1, 5)),), 3)
     first = campaign._run_task(task, tmp_path)
-    assert not list(tmp_path.glob("*.part"))
+    assert not list(tmp_path.glob(".*"))
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("fitted again")

@@ -17,8 +17,9 @@ from evergym.discrepancy.data.columns import CHANNELS, COMMANDS
 from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.data.samples import SAMPLE_FILES
 from evergym.errors import ConfigError
+from evergym.whole_file import whole_file, write_whole
 
-__all__ = ["add_noise", "format_csv", "write_dataset", "write_whole"]
+__all__ = ["add_noise", "format_csv", "write_dataset", "write_table"]
 
 Array = NDArray[np.float64]
 
@@ -83,8 +84,8 @@ def write_dataset(
         _write_parquet(folder / "samples.parquet", columns, runs)
     else:
         rows = ([run.id, *map(_format, row)] for run in runs for row in _table(run, columns))
-        write_whole(folder / "samples.csv", format_csv(["run", "time_s", *columns], rows))
-    write_whole(folder / "dataset.toml", tomli_w.dumps(mapping))  # last: a folder without it is no dataset
+        write_table(folder / "samples.csv", format_csv(["run", "time_s", *columns], rows))
+    write_table(folder / "dataset.toml", tomli_w.dumps(mapping))  # last: a folder without it is no dataset
     for path in present:
         if path.name.startswith("samples.") and path.name != ("samples.parquet" if parquet else "samples.csv"):
             path.unlink()
@@ -108,16 +109,14 @@ def format_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return stream.getvalue()
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file whole or not at all.
+def write_table(path: Path, text: str) -> None:
+    """Write a file of a dataset, whole or not at all.
 
     Raises:
         ConfigError: it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.part")
     try:
-        temporary.write_text(text, encoding="utf-8", newline="")
-        temporary.replace(path)
+        write_whole(path, text)
     except OSError as error:
         raise ConfigError(f"{path} cannot be written: {error.strerror}.") from None
 
@@ -171,9 +170,8 @@ def _write_parquet(path: Path, columns: Sequence[str], runs: Sequence[Run]) -> N
 
     frame = pandas.DataFrame(np.concatenate([_table(run, columns) for run in runs]), columns=["time_s", *columns])
     frame.insert(0, "run", [run.id for run in runs for _ in run.time_s])
-    temporary = path.with_name(f".{path.name}.part")
     try:
-        frame.to_parquet(temporary, index=False)
-        temporary.replace(path)
+        with whole_file(path) as draft:
+            frame.to_parquet(draft, index=False)
     except OSError as error:
         raise ConfigError(f"{path} cannot be written: {error.strerror}.") from None

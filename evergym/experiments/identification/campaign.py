@@ -25,6 +25,7 @@ from evergym.experiments.identification.plan import (
     plan_left_out,
 )
 from evergym.model import Model
+from evergym.whole_file import write_whole
 
 __all__ = ["Identification", "identify"]
 
@@ -125,7 +126,5 @@ def _run_task(task: Task, folder: Path) -> FitResult:
         "cost": result.cost,
         "residuals": result.residuals.tolist(),
     }
-    partial = path.with_suffix(".part")
-    partial.write_text(json.dumps(content), encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, json.dumps(content))
     return result

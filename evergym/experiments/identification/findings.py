@@ -19,6 +19,7 @@ from evergym.experiments.identification.plan import ARMS_MM, GROWTH_CURVES, LEFT
 from evergym.experiments.parameter_sets import FITTED_MODEL, PREDICTED_MODEL
 from evergym.experiments.provenance import dump_model
 from evergym.model import Model
+from evergym.whole_file import write_whole
 
 __all__ = ["describe", "write_models"]
 
@@ -93,11 +94,8 @@ def write_models(found: Identification, folder: Path) -> list[Path]:
     (folder / "left_out").mkdir(parents=True, exist_ok=True)
     paths = []
     for name, text in files.items():
-        path = folder / name
-        partial = path.with_suffix(".part")
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-        paths.append(path)
+        write_whole(folder / name, text)
+        paths.append(folder / name)
     return paths
 
 
