@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
@@ -62,7 +63,11 @@ def _save_alone(save: Callable[P, R], folder: Path) -> Callable[P, R]:
     """
 
     def save_locked(*arguments: P.args, **named: P.kwargs) -> R:
-        with FileLock(folder / "saving.lock"):
+        lock = FileLock(folder / "saving.lock")
+        with contextlib.ExitStack() as held:
+            # A file system without locks, or another user's folder: numba finds a place of its own, as it would anyway.
+            with contextlib.suppress(OSError):
+                held.enter_context(lock)
             return save(*arguments, **named)
 
     return save_locked

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,15 +11,19 @@ __all__ = ["whole_file", "write_whole"]
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, keep_ending: bool = False) -> Iterator[Path]:
     """Give a hidden path beside ``path`` to write to; the file takes its place when all went well, else it is removed.
 
-    Its name ends as that of ``path`` does, for writers that go by the ending.
+    Args:
+        path: Of the file; its folder must exist.
+        keep_ending: Let the hidden name end as that of ``path`` does, for writers that go by it; else it ends in
+            ".part", so that nobody takes it for such a file.
 
     Raises:
         OSError: the file cannot be written.
     """
-    draft = path.with_name(f".{os.getpid()}-{path.name}")
+    token = secrets.token_hex(4)
+    draft = path.with_name(f".{token}-{path.name}" if keep_ending else f".{path.name}.{token}.part")
     try:
         yield draft
         draft.replace(path)

@@ -165,7 +165,7 @@ def _write_whole(path: Path, write: Callable[[Path], None]) -> None:
     """Let ``write`` write a file, whole or not at all."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as draft:
+        with whole_file(path, keep_ending=True) as draft:
             write(draft)
     except (OSError, ValueError, KeyError) as error:
         raise RunError(f"'{path}' cannot be written: {error}.") from None

@@ -204,8 +204,8 @@ class PlayPage:
         self._player.post(partial(self._player.press, drive, direction, time.monotonic()))
 
     async def _on_slider(self, drive: DriveName, event: Any) -> None:
-        # A coroutine is run where the message is received; a function would be run by another thread, later, when the
-        # page may have put the slider back to where the drive still is.
+        # A coroutine is run as soon as the message is received; a function would be run by another thread, later, when
+        # the page has likely put the slider back to where the drive still is.
         if event.client_id is None:
             return  # the page itself has moved it, to where the drive is
         value = float(event.target.value) * Hand.unit(drive)[1]

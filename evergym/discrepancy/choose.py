@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from evergym.discrepancy.calibrate import refine
 from evergym.discrepancy.fit import Fit, evaluate_fit, fit_space
-from evergym.discrepancy.locate import Cell
+from evergym.discrepancy.locate import Cell, select_significant
 from evergym.discrepancy.numerics_check import measure_spread
 from evergym.discrepancy.predict import Predictor
 from evergym.discrepancy.residual import Measurement
 from evergym.discrepancy.screen import Screening, Signature, rank_candidates
 from evergym.discrepancy.select import Score, Split, extend_score, fit_candidates, rank_score, score_fit
-from evergym.discrepancy.verdict import Thresholds, is_strained, worst_cell
+from evergym.discrepancy.verdict import Thresholds, is_relief, is_strained, worst_cell
 
 __all__ = ["Choice", "choose_effects", "earns_its_place"]
 
@@ -92,11 +92,16 @@ def choose_effects(
     rivals = _fit_promising(predictor, base, signatures, split, FITTED_MAX)
     if not rivals:
         return Choice(base, base, (), ())
-    base = _recalibrate_from(predictor, base, rivals[0], split)
+    led = _recalibrate_from(predictor, base, rivals, split, thresholds)
+    if led is not base:
+        base, split, rivals = _score_anew(predictor, led, rivals, split, draw_map)
     cells = draw_map(base)
     if worst_cell(cells) < thresholds.cell_min:
-        fitted = tuple(sorted(rivals, key=_rank_cost))
-        return Choice(base, fitted[0], fitted, fitted, is_strained(base, cells, thresholds))
+        if not is_strained(base, cells, thresholds):
+            return Choice(base, base, (), ())
+        fitted = sorted(rivals, key=_rank_cost)
+        tied = [one for one in fitted if is_relief(base, one, thresholds) and _is_near_cost(one, fitted[0], thresholds)]
+        return Choice(base, fitted[0], tuple(fitted), tuple(tied), by_strain=True)
     screened = predictor.measurement
     if worst_cell(draw_map(rivals[0])) >= thresholds.rest_cell_min:
         base, rivals = _recheck_numerics(predictor, base, rivals, split)
@@ -114,7 +119,10 @@ def choose_effects(
         if _predicts_better(alone, best, thresholds):
             break
         rivals = [alone, *(rival for rival in rivals if rival.effects != alone.effects)]
-        best, contenders = alone, rivals
+        if worst_cell(draw_map(alone)) >= thresholds.rest_cell_min:
+            base, rivals = _recheck_numerics(predictor, base, rivals, split)
+            search = replace(search, base=base)
+        best, contenders = next(rival for rival in rivals if rival.effects == alone.effects), rivals
     while 1 < len(best.effects) < EFFECTS_MAX:
         more = search.find_further(best, thresholds.many_cell_min)
         if more is None:
@@ -127,18 +135,38 @@ def _rank_cost(score: Score) -> float:
     return score.fit.cost
 
 
-def _recalibrate_from(predictor: Predictor, base: Score, rival: Score, split: Split) -> Score:
+def _is_near_cost(score: Score, best: Score, thresholds: Thresholds) -> bool:
+    return score.fit.cost - best.fit.cost < thresholds.gain_min
+
+
+def _recalibrate_from(
+    predictor: Predictor, base: Score, rivals: Sequence[Score], split: Split, thresholds: Thresholds
+) -> Score:
     """Return the recalibrated model, fitted anew from where a rival has left the nominal parameters if that is better.
 
     Where growth stalls, a fit may end in a valley that an effect of hardly any strength leads out of. What is gained by
-    having been led there is not that effect's.
+    having been led there is not that effect's. Tried are the rivals that predict and that fit best.
     """
     size = base.fit.space.size
-    start, jacobian = rival.fit.z[:size], rival.fit.jacobian[:, :size]
-    fit = fit_space(predictor, base.fit.space, start, split.use, jacobian, [])
-    if fit.cost > base.fit.cost - GAIN_MIN:
+    fits = []
+    for rival in dict.fromkeys((0, min(range(len(rivals)), key=lambda i: rivals[i].fit.cost))):
+        start, jacobian = rivals[rival].fit.z[:size], rivals[rival].fit.jacobian[:, :size]
+        fits.append(fit_space(predictor, base.fit.space, start, split.use, jacobian, []))
+    fit = min(fits, key=lambda fit: fit.cost)
+    if fit.cost > base.fit.cost - thresholds.gain_min:
         return base
     return score_fit(predictor, refine(predictor, fit, split.use), split)
+
+
+def _score_anew(
+    predictor: Predictor, base: Score, rivals: Sequence[Score], split: Split, draw_map: Mapper
+) -> tuple[Score, Split, list[Score]]:
+    """Return all scores, and the split, as they are with another recalibrated model: it decides what matters."""
+    focus = select_significant(predictor.dataset, predictor.measurement, draw_map(base))
+    split = replace(split, focus=focus if focus.any() else None)
+    base = score_fit(predictor, base.fit, split)
+    scores = [score_fit(predictor, one.fit, split, one.effects, one.signature, base) for one in rivals]
+    return base, split, sorted(scores, key=rank_score)
 
 
 def _recheck_numerics(

@@ -32,7 +32,8 @@ class CandidateRow:
         status: "fitted", "screened out", or "not excited".
         size: Norm of what it would change at a typical strength [sigma].
         kept: Share of it that recalibration cannot absorb.
-        explained_share: Of the excess over noise, on left-out experiments; None if it was not fitted.
+        explained_share: Of the excess over noise, on left-out experiments; None if it was not fitted. Of the strain
+            where the diagnosis is by strain.
         parameters: Fitted values; empty if it was not fitted.
     """
 
@@ -66,6 +67,8 @@ class Diagnosis:
         model: The corrected model; if no effect is named, the recalibrated one.
         experiments: In the dataset.
         remarks: What a reader must know beside the conclusion, each in a sentence.
+        by_strain: Whether the effect can only be told by the strain of the recalibrated model, which agrees: all shares
+            are then of that strain.
     """
 
     verdict: Verdict
@@ -85,6 +88,7 @@ class Diagnosis:
     model: Model
     experiments: int
     remarks: tuple[str, ...] = ()
+    by_strain: bool = False
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the content of ``diagnosis.json``."""
@@ -125,7 +129,7 @@ class Diagnosis:
                     "status": row.status,
                     "signature_sigma": _round(row.size),
                     "kept_share": _round(row.kept),
-                    "explained_share": None if row.explained_share is None else _round(row.explained_share),
+                    **self._describe_share(row.explained_share),
                     "parameters": {key: _round(value) for key, value in row.parameters.items()},
                 }
                 for row in self.candidates
@@ -137,11 +141,15 @@ class Diagnosis:
             "seconds": round(self.seconds, 1),
         }
 
+    def _describe_share(self, share: float | None) -> dict[str, float | None]:
+        rounded = None if share is None else round(share, 4)
+        return {"explained_share": None, "relieved_share": rounded} if self.by_strain else {"explained_share": rounded}
+
     def _describe(self, effect: NamedEffect) -> dict[str, Any]:
         return {
             "name": effect.name,
             "confidence": round(effect.confidence, 3),
-            "explained_share": round(effect.explained_share, 3),
+            **self._describe_share(effect.explained_share),
             "parameters": {
                 interval.path.rpartition(".")[2]: {
                     "estimate": _round(interval.estimate),

@@ -96,7 +96,7 @@ def remark_strain(recalibrated: Sequence[ParameterEstimate]) -> list[str]:
     Args:
         recalibrated: Nominal parameters of the model without an effect, which agrees.
     """
-    far = sorted(recalibrated, key=_count_tolerances, reverse=True)[:3]
+    far = [one for one in sorted(recalibrated, key=_count_tolerances, reverse=True) if _count_tolerances(one) > 1.0][:3]
     moves = ", ".join(f"{one.path} by {_count_tolerances(one):.1f} tolerances" for one in far)
     agrees = f"without the effect the recalibrated model agrees with these runs, too, but it takes {moves}"
     return [f"{agrees}: measure these parameters, and the name is confirmed or refuted"]

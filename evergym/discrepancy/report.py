@@ -51,6 +51,7 @@ def _collect(evidence: Evidence) -> dict[str, object]:
             for effect in diagnosis.effects
         ],
         "left_out": diagnosis.experiments > 1,
+        "by_strain": diagnosis.by_strain,
         "parameters": diagnosis.parameters,
         "map_before": encode(draw_map(diagnosis.where)),
         "map_after": encode(draw_map(diagnosis.where_after)) if named else None,

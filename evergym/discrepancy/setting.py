@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from evergym.effects.angle_quantisation import AngleQuantisation
@@ -17,6 +18,8 @@ class Setting:
     model: Model
     user: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
     """(effect, ((parameter, value), ...)) of the user's own effects."""
+    pull_limit_mm: float = math.inf
+    """Pull beyond which the tendon's drive does not go, whatever it is told: the commands may not be carried out."""
 
 
 def without_rounding(setting: Setting) -> Setting:

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from evergym.discrepancy.parameters import set_values
 from evergym.discrepancy.setting import Setting
 
-__all__ = ["Axis", "Space"]
+__all__ = ["PULL_LIMIT", "Axis", "Space"]
 
 Array = NDArray[np.float64]
+
+PULL_LIMIT = "rig.pull_limit_mm"
+"""Path of an unknown that is in no model file: `Setting.pull_limit_mm`."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ class Space:
     def setting(self, z: Sequence[float] | Array) -> Setting:
         """Return the setting at z."""
         values = self.values(z)
+        limit = float(values.pop(PULL_LIMIT, self.base.pull_limit_mm))  # type: ignore[arg-type]
         in_model = {path: value for path, value in values.items() if not path.startswith("user.")}
         user: dict[str, dict[str, float]] = {name: dict(pairs) for name, pairs in self.base.user}
         for path, value in values.items():
@@ -107,7 +111,7 @@ class Space:
                 _, name, parameter = path.split(".", 2)
                 user.setdefault(name, {})[parameter] = float(value)  # type: ignore[arg-type]
         frozen = tuple((name, tuple(pairs.items())) for name, pairs in user.items())
-        return Setting(set_values(self.base.model, in_model), frozen)
+        return Setting(set_values(self.base.model, in_model), frozen, limit)
 
     def extend(self, axes: Sequence[Axis], fixed: Mapping[str, object] | None = None) -> Space:
         """Return the space with more unknowns, after those there are."""

@@ -24,6 +24,7 @@ from evergym.discrepancy.data.dataset import Dataset
 from evergym.discrepancy.data.reading import load_dataset
 from evergym.discrepancy.data.rig import apply_robot, soften_line
 from evergym.discrepancy.diagnosis import Diagnosis, write_json
+from evergym.discrepancy.drive_check import DOUBTED_CONFIDENCE, fit_short_drive, is_better, remark_drive
 from evergym.discrepancy.evidence import Evidence
 from evergym.discrepancy.findings import describe_effects, list_candidates
 from evergym.discrepancy.fit import Fit, evaluate_fit, fit_space, whitened_residual
@@ -195,6 +196,13 @@ def _run_stages(
         cells = draw_map(base)
     chosen = choice.best
     verdict = decide(base, chosen, cells, draw_map(chosen), excited, thresholds)
+    drive: list[str] = []
+    if verdict in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):
+        short = fit_short_drive(predictor, base, reference, known, split)
+        if short is not None:
+            drive = remark_drive(short, chosen, thresholds)
+            if is_better(short, chosen, thresholds):
+                verdict = Verdict.UNKNOWN_EFFECT
     if verdict not in (Verdict.EFFECT, Verdict.EFFECT_AND_UNKNOWN_REST):
         chosen = base
         choice = dataclasses.replace(choice, best=base)
@@ -207,6 +215,8 @@ def _run_stages(
     where = map_disagreement(dataset, known, nearest, space.size, everything.use)
     where_after = draw_map(final, everything.use) if chosen.effects else where
     effects, parameters = describe_effects(base, choice, final, classes, thresholds)
+    if drive:
+        effects = tuple(dataclasses.replace(one, confidence=min(one.confidence, DOUBTED_CONFIDENCE)) for one in effects)
     held_out = np.isin(measurement.experiment, split.held_out)
     predictions = calibration.nominal, base.fit.prediction, chosen.fit.prediction
     # Not by what discretisation does to the effect that was chosen: that would discount what it leaves over.
@@ -223,6 +233,7 @@ def _run_stages(
     remarks = (
         *remark_failures(dataset, measurement, final.fit.prediction, predictor.failures),
         *remark_scatter(dataset, measurement, noise, final.fit.prediction),
+        *drive,
         *remark_limits(calibrated),
         *(remark_strain(calibration.estimates(base.fit)) if choice.by_strain and effects else ()),
         *remark_own_effects([effect.name for effect in effects], predictor.user_effects),
@@ -245,6 +256,7 @@ def _run_stages(
         model=dataclasses.replace(corrected, name=f"{model.name}_{'corrected' if is_corrected else 'recalibrated'}"),
         experiments=len(everything.folds),
         remarks=remarks,
+        by_strain=choice.by_strain and bool(effects),
     )
     tell("done", 1.0)
     return Evidence(

@@ -22,6 +22,7 @@ __all__ = [
     "explained_share",
     "find_equivalents",
     "is_excited",
+    "is_relief",
     "is_strained",
     "relieved_share",
     "worst_cell",
@@ -122,8 +123,10 @@ def explained_share(before: Score, after: Score) -> float:
 
 
 def relieved_share(before: Score, after: Score) -> float:
-    """Return the share of the recalibrated model's strain that an effect takes away."""
-    return float(np.clip(1.0 - after.strain / before.strain, 0.0, 1.0)) if before.strain > 0.0 else 0.0
+    """Return the share of the recalibrated model's strain that an effect takes away; 0 if the fit is no better."""
+    if before.strain <= 0.0 or after.fit.cost >= before.fit.cost:
+        return 0.0
+    return float(np.clip(1.0 - after.strain / before.strain, 0.0, 1.0))
 
 
 def is_strained(base: Score, cells: Sequence[Cell], thresholds: Thresholds) -> bool:
@@ -205,7 +208,8 @@ def decide(
         thresholds: Limits.
     """
     if worst_cell(cells_before) < thresholds.cell_min:
-        if best is not None and best.effects and _is_relief(base, best, cells_before, thresholds):
+        hides = is_strained(base, cells_before, thresholds) and worst_cell(cells_after) < thresholds.cell_min
+        if hides and best is not None and best.effects and is_relief(base, best, thresholds):
             return Verdict.EFFECT
         return Verdict.NO_EFFECT if excited else Verdict.INSUFFICIENT_DATA
     if best is None or not best.effects:
@@ -223,11 +227,10 @@ def decide(
     return Verdict.EFFECT
 
 
-def _is_relief(base: Score, best: Score, cells: Sequence[Cell], thresholds: Thresholds) -> bool:
-    """Whether an effect lets the nominal parameters of a strained model go back, and fits better for it."""
+def is_relief(base: Score, best: Score, thresholds: Thresholds) -> bool:
+    """Return whether an effect lets the nominal parameters of a strained model go back, and fits better for it."""
     return (
-        is_strained(base, cells, thresholds)
-        and base.fit.cost - best.fit.cost >= thresholds.gain_min
+        base.fit.cost - best.fit.cost >= thresholds.gain_min
         and relieved_share(base, best) >= 1.0 - thresholds.strain_left_max
         and not best.at_limit
     )

@@ -43,6 +43,11 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
     names = " and ".join(f"{effect.name}{_or_equivalents(effect.equivalents)}" for effect in diagnosis.effects)
     plural = "effects are" if len(diagnosis.effects) > 1 else "effect is"
     match diagnosis.verdict:
+        case Verdict.EFFECT if diagnosis.by_strain:
+            return (
+                f"The model may lack {names}. Recalibrated without it, it agrees with the measurements, too, but only "
+                "with nominal parameters that are far from where they should be."
+            )
         case Verdict.EFFECT:
             added = "them" if len(diagnosis.effects) > 1 else "it"
             close = _how_well(diagnosis.where_after)

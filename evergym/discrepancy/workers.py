@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import multiprocessing
 import signal
 import traceback
@@ -11,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
+from evergym.discrepancy.data.columns import COMMANDS
 from evergym.discrepancy.data.dataset import Run
 from evergym.discrepancy.data.rig import Fidelity, choose_numerics
 from evergym.discrepancy.hook import UserEffect
@@ -24,6 +26,7 @@ Array = NDArray[np.float64]
 
 Task = tuple[Setting, int, Fidelity]
 
+PULL = COMMANDS.index("tendon_pull_mm")
 PIECES = 4
 """Pieces of work per process and call: enough for slow runs to even out."""
 
@@ -70,6 +73,7 @@ def simulate_setting(
     """Return what a model with the user's own effects predicts for a run."""
     hooks = tuple(user_effects[name].create_hook(dict(values)) for name, values in setting.user)
     numerics = choose_numerics(setting.model, run.setup, fidelity)
+    run = _limit_pull(run, setting.pull_limit_mm)
     if not hooks:
         return try_simulate_run(setting.model, run, numerics)
     try:
@@ -83,6 +87,15 @@ def simulate_setting(
             f"{frame.filename}, line {frame.lineno}: your own effect {names} failed in run '{run.id}': "
             f"{type(error).__name__}: {error}. Mend it, or leave it out of EFFECTS."
         ) from error
+
+
+def _limit_pull(run: Run, limit_mm: float) -> Run:
+    """Return a run as a tendon drive does it that goes no farther than ``limit_mm``."""
+    if not np.any(run.commands[:, PULL] > limit_mm):
+        return run
+    commands = run.commands.copy()
+    commands[:, PULL] = np.minimum(commands[:, PULL], limit_mm)
+    return dataclasses.replace(run, commands=commands)
 
 
 _known: dict[str, tuple[tuple[Run, ...], dict[str, UserEffect]]] = {}

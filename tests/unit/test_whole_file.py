@@ -22,9 +22,11 @@ def test_an_interrupted_file_leaves_the_old_one_and_nothing_beside_it(tmp_path: 
 
 def test_a_draft_ends_as_the_file_does_and_takes_its_place(tmp_path: Path) -> None:
     path = tmp_path / "film.mp4"
-    with whole_file(path) as draft:
-        assert (draft.suffix, draft.parent) == (".mp4", tmp_path)
+    with whole_file(path, keep_ending=True) as draft, whole_file(path) as other:
+        assert (draft.suffix, other.suffix) == (".mp4", ".part")
+        assert draft.parent == other.parent == tmp_path
         draft.write_bytes(b"film")
+        other.write_bytes(b"film")
     assert path.read_bytes() == b"film"
     write_whole(path, b"other")
     assert path.read_bytes() == b"other"
