@@ -120,7 +120,7 @@ def test_killed_and_resumed_run_has_the_same_bits(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(SUPPORT), *sys.path])}
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     checkpoints = tmp_path / "killed" / "checkpoints"
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 600.0
     while not (checkpoints / "000001024").exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)

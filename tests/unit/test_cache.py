@@ -67,7 +67,7 @@ def run(code: str, package: Path, **environment: str) -> list[str]:
         env={**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(package.parent / "cache"), **environment},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert result.returncode == 0, result.stderr

@@ -134,7 +134,7 @@ def test_another_process_makes_the_same_bits(duct: Duct, tmp_path: Path) -> None
     environment = {**os.environ, "PYTHONHASHSEED": "7", "EVERGYM_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", code, str(Path(__file__).parent)],
-        env=environment, capture_output=True, text=True, check=True, timeout=300,
+        env=environment, capture_output=True, text=True, check=True, timeout=600,
     )  # fmt: skip
     assert done.stdout.strip() == digest(duct)
 
